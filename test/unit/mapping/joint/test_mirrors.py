@@ -50,9 +50,14 @@ def test_where_a_robot_turned_hides_nothing_of_a_mirror_farther_along(
         echo = mirror_m, 0.9 * float(beam.gain(off_rad)) / (2.0 * mirror_m)
         pose = {"x_m": x_m, "y_m": 0.0, "yaw_rad": 0.5 * math.pi + off_rad}
         turning.append(make_cone(echo, stamp_ns=10**9 + number, **pose))
-    (wall,) = mirrors_of([*mirror_pings, *turning])
-    assert wall.distance_m == pytest.approx(mirror_m, abs=0.005)
-    assert wall.begin_m == pytest.approx(-2.3, abs=0.05)
+    walls = mirrors_of([*mirror_pings, *turning])
+    # Where the robot turned is another piece of it, and on the same line.
+    for wall in walls:
+        assert wall.distance_m == pytest.approx(mirror_m, abs=0.005)
+        assert math.sin(wall.normal_rad) == pytest.approx(1.0, abs=1e-4)
+    along, turned_at = sorted(walls, key=lambda wall: -wall.begin_m)
+    assert along.begin_m == pytest.approx(-2.3, abs=0.05)
+    assert turned_at.begin_m == pytest.approx(-4.19, abs=0.01)
 
 
 def test_so_few_echoes_in_line_are_no_mirror(mirror_pings: list[EchoCone], mirror_m: float) -> None:
@@ -392,6 +397,20 @@ def test_a_short_wall_is_square_to_long_ones(
     along_m = 0.5 * (wall.begin_m + wall.end_m)
     x_m, y_m = wall.distance_m * cosine - along_m * sine, wall.distance_m * sine + along_m * cosine
     assert (x_m, y_m) == pytest.approx((2.5 - 0.02 * 0.24, -1.76), abs=0.01)
+
+
+def test_a_wall_that_is_square_to_others_is_known_by_the_little_that_was_heard_of_it(
+    make_cone: Callable[..., EchoCone], mirror_pings: list[EchoCone]
+) -> None:
+    """Who looks aslant strikes walls where it turns: of the six of a room three had been found."""
+    short = [
+        make_cone((1.0, 0.45), x_m=1.5, y_m=-2.0 + 0.022 * k, stamp_ns=100 + k) for k in range(8)
+    ]
+    wall = mirrors_of([*mirror_pings, *short])[1]
+    assert math.cos(wall.normal_rad) == pytest.approx(1.0, abs=2e-5)
+    assert wall.distance_m == pytest.approx(2.5, abs=0.005)
+    standing = [replace(cone, pose=short[0].pose) for cone in short]
+    assert len(mirrors_of([*mirror_pings, *standing])) == 1
 
 
 def test_what_comes_back_from_a_corner_is_no_wall_aslant(

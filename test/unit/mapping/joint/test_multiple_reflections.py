@@ -130,6 +130,37 @@ def test_a_wall_of_the_next_room_is_heard_by_nobody_before_this_one() -> None:
     assert kept[1].end_m == pytest.approx(5.0)
 
 
+def struck(normal_rad: float, distance_m: float, rows: range, places_m: np.ndarray) -> MirrorWall:
+    """A mirror that some pings heard."""
+    own = np.array(rows)
+    feet_m = places_m[own] @ [-math.sin(normal_rad), math.cos(normal_rad)]
+    return MirrorWall(
+        normal_rad, distance_m, feet_m.min(), feet_m.max(), own, own, 0.0, 0.0, -0.1, 0.05, 9.0
+    )
+
+
+@pytest.mark.parametrize("went_on", [False, True])
+def test_what_is_just_where_a_wall_stands_in_another_is_none(*, went_on: bool) -> None:
+    """Through the rest of a wall that was struck in part a robot left for it, over 2.5 m²."""
+    west, east = np.arange(0.0, 1.0, 0.1), np.arange(2.0, 2.5, 0.05)
+    along = [*np.column_stack([west, 0.0 * west]), *np.column_stack([east, 0.0 * east])]
+    places_m = np.array([*along, *np.column_stack([0.1 * east, 0.0 * east])])
+    # A wall to the north that the western pings struck; what the eastern ones heard is the wall
+    # to the south-west in it, just over where it was not struck.
+    north, south = 0.5 * math.pi, -0.5 * math.pi - 0.6
+    walls = [
+        struck(north, 1.5, range(10), places_m),
+        struck(south, 1.2, range(20, 30), places_m),
+        struck(0.5 * math.pi + 0.6, 1.2 + 3.0 * math.cos(0.6), range(10, 20), places_m),
+    ]
+    if went_on:
+        # Somebody went through there: it is another room.
+        places_m = np.array([*places_m, [1.8, 1.8]])
+    seen = seen_directly(walls, places_m)
+    assert len(seen) == (3 if went_on else 2)
+    assert seen[:2] == walls[:2]
+
+
 def test_a_circle_that_two_mirrors_have_behind_their_corner_is_the_corner() -> None:
     """Echoes by way of both walls made columns that let sound out of a room."""
     pings, places_m = np.arange(20), [(4.0, 3.0), (4.1, 3.3), (3.6, 2.8), (4.3, 2.8), (4.1, 3.3)]

@@ -49,7 +49,7 @@ POINTS, POINTS_OFF_M = 25, np.linspace(-0.06, 0.06, 7)
 #: Residuals are counted as no larger, m; and their sum of squares as no less.
 MOST_RESIDUAL_M, LEAST_MISFIT = 0.02, 1e-12
 #: Of any wall, and of one that faces as the others of the place do.
-ANY, USUAL = MirrorCriteria(6, 5.0, 4, 0.3, 3.0, 0.6), MirrorCriteria(4, 3.5, 2, 0.2, 0.0, 1.0)
+ANY, USUAL = MirrorCriteria(6, 5.0, 4, 0.3, 3.0, 0.6), MirrorCriteria(4, 3.5, 2, 0.12, 0.0, 1.0)
 
 
 def fitted(

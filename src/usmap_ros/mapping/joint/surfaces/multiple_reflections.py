@@ -38,6 +38,9 @@ BEYOND_M = 0.3
 #: A wall hides what is farther behind it than this, m, where a foot on it is this near; it is
 #: another's image if such a share of its pings would have to hear it through others.
 BEHIND_M, FOOT_M, HIDDEN_SHARE = 0.15, 0.15, 0.5
+#: What is just where a wall stands in another one, so near, m, and as parallel, is an image if
+#: that other one is aslant, and was heard as near as this, m, to where it is in the way.
+JUST_M, JUST_COSINE, IMAGE_M, ASLANT_COSINE = 0.1, 0.999, 1.5, 0.97
 #: Places that are nearer to each other than this, m, see the same.
 APART_M = 0.2
 #: A circle passes through a corner if it is so near, m; walls go on to a corner by so much, m, and
@@ -96,11 +99,45 @@ def _stand_in(crossings: Sequence[BoolArray]) -> BoolArray:
 
 def _crossings(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[BoolArray]:
     """Of each wall, which of its pings have each other one in the way, (walls, hits)."""
-    return [np.array([_crosses(wall, other, places_m) for other in walls], bool) for wall in walls]
+
+    def near_m(wall: MirrorWall, other: MirrorWall) -> float:
+        is_image = _is_just_in(wall, other, walls) and _is_before(other, places_m)
+        return IMAGE_M if is_image else FOOT_M
+
+    return [
+        np.array([_crosses(wall, other, places_m, near_m(wall, other)) for other in walls], bool)
+        for wall in walls
+    ]
 
 
-def _crosses(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> BoolArray:
-    """Whether each of a wall's pings has another one, where it was heard, before its foot."""
+def _is_just_in(wall: MirrorWall, other: MirrorWall, walls: Sequence[MirrorWall]) -> bool:
+    """Whether a wall is just where one of some stands in another one as in a mirror, aslant.
+
+    Who looks at one squarely through a gap in a wall that is parallel hears nothing of that.
+    """
+    ahead, _ = _axes(other)
+    toward, along = _axes(wall)
+    if toward @ ahead > ASLANT_COSINE:
+        return False
+    normals = np.array([_axes(third)[0] for third in walls])
+    turned, distances_m = normals @ ahead, np.array([third.distance_m for third in walls])
+    mirrored = normals - 2.0 * turned[:, np.newaxis] * ahead
+    mirrored_m = distances_m - 2.0 * turned * other.distance_m
+    middle_m = wall.distance_m * toward + 0.5 * (wall.begin_m + wall.end_m) * along
+    is_near = np.abs(mirrored @ middle_m - mirrored_m) < JUST_M
+    return bool(np.any(is_near & (mirrored @ toward > JUST_COSINE)))
+
+
+def _is_before(wall: MirrorWall, places_m: FloatArray) -> bool:
+    """Whether no place is behind a wall, and so it may go on a little."""
+    ahead, along = _axes(wall)
+    on_m = places_m @ along
+    may_be_on = (on_m > wall.begin_m - IMAGE_M) & (on_m < wall.end_m + IMAGE_M)
+    return not np.any(may_be_on & (places_m @ ahead > wall.distance_m))
+
+
+def _crosses(wall: MirrorWall, other: MirrorWall, places_m: FloatArray, near_m: float) -> BoolArray:
+    """Whether each of a wall's pings has another one before its foot, near where it was heard."""
     heard_from_m = places_m[wall.pings]
     ahead, along = _axes(other)
     toward = np.array([np.cos(wall.normal_rad), np.sin(wall.normal_rad)])
@@ -116,7 +153,7 @@ def _crosses(wall: MirrorWall, other: MirrorWall, places_m: FloatArray) -> BoolA
         np.abs(feet_m[after - 1] - crossings_m),
         np.abs(feet_m[np.minimum(after, len(feet_m) - 1)] - crossings_m),
     )
-    crosses: BoolArray = is_between & (nearest_m < FOOT_M)
+    crosses: BoolArray = is_between & (nearest_m < near_m)
     return crosses
 
 

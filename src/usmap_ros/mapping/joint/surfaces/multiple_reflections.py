@@ -99,33 +99,33 @@ def _stand_in(crossings: Sequence[BoolArray]) -> BoolArray:
 
 def _crossings(walls: Sequence[MirrorWall], places_m: FloatArray) -> list[BoolArray]:
     """Of each wall, which of its pings have each other one in the way, (walls, hits)."""
-
-    def near_m(wall: MirrorWall, other: MirrorWall) -> float:
-        is_image = _is_just_in(wall, other, walls) and _is_before(other, places_m)
-        return IMAGE_M if is_image else FOOT_M
-
+    near_m = np.where(_are_just_in(walls, places_m), IMAGE_M, FOOT_M)
     return [
-        np.array([_crosses(wall, other, places_m, near_m(wall, other)) for other in walls], bool)
-        for wall in walls
+        np.array([_crosses(wall, other, places_m, near_m[k, m]) for m, other in enumerate(walls)])
+        for k, wall in enumerate(walls)
     ]
 
 
-def _is_just_in(wall: MirrorWall, other: MirrorWall, walls: Sequence[MirrorWall]) -> bool:
-    """Whether a wall is just where one of some stands in another one as in a mirror, aslant.
+def _are_just_in(walls: Sequence[MirrorWall], places_m: FloatArray) -> BoolArray:
+    """Whether each wall is just where one of them stands in each other one, aslant, as an image.
 
-    Who looks at one squarely through a gap in a wall that is parallel hears nothing of that.
+    Who looks at one squarely through a gap in a wall that is parallel hears nothing of that; and
+    where somebody was behind a wall, it does not go on.
     """
-    ahead, _ = _axes(other)
-    toward, along = _axes(wall)
-    if toward @ ahead > ASLANT_COSINE:
-        return False
-    normals = np.array([_axes(third)[0] for third in walls])
-    turned, distances_m = normals @ ahead, np.array([third.distance_m for third in walls])
-    mirrored = normals - 2.0 * turned[:, np.newaxis] * ahead
-    mirrored_m = distances_m - 2.0 * turned * other.distance_m
-    middle_m = wall.distance_m * toward + 0.5 * (wall.begin_m + wall.end_m) * along
-    is_near = np.abs(mirrored @ middle_m - mirrored_m) < JUST_M
-    return bool(np.any(is_near & (mirrored @ toward > JUST_COSINE)))
+    axes = np.array([_axes(wall) for wall in walls]).reshape(-1, 2, 2)
+    normals, distances_m = axes[:, 0], np.array([wall.distance_m for wall in walls])
+    on_m = np.array([0.5 * (wall.begin_m + wall.end_m) for wall in walls])
+    middles_m = distances_m[:, np.newaxis] * normals + on_m[:, np.newaxis] * axes[:, 1]
+    are = np.zeros((len(walls), len(walls)), bool)
+    for number, other in enumerate(walls):
+        turned = normals @ normals[number]
+        mirrored = normals - 2.0 * turned[:, np.newaxis] * normals[number]
+        mirrored_m = distances_m - 2.0 * turned * other.distance_m
+        are_there = np.abs(middles_m @ mirrored.T - mirrored_m) < JUST_M
+        are_there &= normals @ mirrored.T > JUST_COSINE
+        are[:, number] = are_there.any(axis=1) & (turned <= ASLANT_COSINE)
+        are[:, number] &= _is_before(other, places_m)
+    return are
 
 
 def _is_before(wall: MirrorWall, places_m: FloatArray) -> bool:

@@ -16,7 +16,7 @@ from usmap_ros.mapping.joint.free_space.kinds import (
     ROUND,
 )
 from usmap_ros.mapping.joint.surfaces.lines import BEGIN, END, NORMAL_X, NORMAL_Y
-from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, usual_direction
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall, how_they_face, usual_direction
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.compiled import compiled, inlined
 
@@ -63,8 +63,7 @@ class WallDirections(NamedTuple):
 def facing(mirrors: list[MirrorWall], lines: FloatArray, resolution_m: float) -> WallDirections:
     """Which way mirrors face, or lines if there are no mirrors."""
     if mirrors:
-        each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes)) for wall in mirrors]
-        return WallDirections(*np.array(each, float).T)
+        return WallDirections(*how_they_face(mirrors))
     lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
     return WallDirections(np.arctan2(lines[:, NORMAL_Y], lines[:, NORMAL_X]), lengths_m, lengths_m)
 

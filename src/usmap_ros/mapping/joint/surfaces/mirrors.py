@@ -106,18 +106,28 @@ def usual_direction(normals_rad: FloatArray, lengths: FloatArray, weights: Float
 
 def usual_direction_of(walls: Sequence[MirrorWall]) -> float:
     """Direction, rad, that the most of some mirrors, by their hits, are parallel or square to."""
+    return usual_direction(*how_they_face(walls))
+
+
+def how_they_face(walls: Sequence[MirrorWall]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Directions of the normals, rad, lengths, m, and hits of some mirrors: (walls,) arrays."""
     # Of those that other pings found these may have struck none.
     each = [(wall.normal_rad, wall.end_m - wall.begin_m, len(wall.echoes) or 1) for wall in walls]
-    return usual_direction(*np.array(each, float).T)
+    normals_rad, lengths_m, hits = np.array(each, float).T
+    return normals_rad, lengths_m, hits
 
 
 def facing_usually(walls: Sequence[MirrorWall]) -> list[MirrorWall]:
     """Those of some mirrors that are just parallel or square to most of them."""
     if not walls:
         return []
-    normals_rad = np.array([wall.normal_rad for wall in walls])
-    are = np.abs(turns_to(usual_direction_of(walls), normals_rad)) < NEAR_MEDIAN_RAD
+    are = np.abs(_turns_to_usual(walls)) < NEAR_MEDIAN_RAD
     return [wall for wall, is_usual in zip(walls, are, strict=True) if is_usual]
+
+
+def _turns_to_usual(walls: Sequence[MirrorWall]) -> FloatArray:
+    """(walls,) array: least turn of each of some mirrors by which it faces as most of them do."""
+    return turns_to(usual_direction_of(walls), how_they_face(walls)[0])
 
 
 def turns_to(direction_rad: float, normals_rad: FloatArray) -> FloatArray:
@@ -138,10 +148,8 @@ def squared(walls: list[MirrorWall], places_m: FloatArray, echoes: Echoes) -> li
     """Walls, the short ones turned to a usual direction that is near."""
     if not walls:
         return []
-    normals_rad = np.array([wall.normal_rad for wall in walls])
-    turns_rad = turns_to(usual_direction_of(walls), normals_rad)
     squared = list[MirrorWall]()
-    for wall, turn in zip(walls, turns_rad.tolist(), strict=True):
+    for wall, turn in zip(walls, _turns_to_usual(walls).tolist(), strict=True):
         moved_m = abs(turn) * float(wall.feet_m(places_m).std())
         is_unsure = abs(turn) < UNSURE_RAD and moved_m < UNSURE_M
         squared.append(_turned(wall, turn, places_m, echoes) if is_unsure else wall)

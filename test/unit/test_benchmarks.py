@@ -471,3 +471,24 @@ def test_robots_on_tour_come_into_all_rooms(scenes: ModuleType) -> None:
         is_inside = (x_m > 3.3) & (y_m < 2.4)
         assert is_inside.any()
         assert not is_inside.all()
+
+
+def test_weights_of_cells_are_those_that_tell_best(benchmark: ModuleType) -> None:
+    cell_odds = importlib.import_module("cell_odds")
+    generator = np.random.default_rng(3)
+    heard = generator.normal(size=(4000, len(cell_odds.log_odds.OF_FEATURES)))
+    cells = cell_odds.Cells(heard, np.zeros(4000), np.zeros(4000, bool))
+    chances = 1.0 / (1.0 + np.exp(-cell_odds.own_log_odds(cells)))
+    cells = cells._replace(are_surface=generator.random(4000) < chances)
+    weights = cell_odds.fitted([cells], 1 + heard.shape[1])
+    own = np.array([cell_odds.log_odds.INTERCEPT, *cell_odds.log_odds.OF_FEATURES])
+    np.testing.assert_allclose(weights, own, atol=0.25)
+    assert cell_odds.log_loss([cells], weights) < cell_odds.log_loss([cells], own)
+
+
+def test_suspected_cells_know_what_stands_there(benchmark: ModuleType) -> None:
+    cells = importlib.import_module("cell_odds").suspected_cells("poles", "few_pings", 3, None)
+    assert np.isfinite(cells.heard).all()
+    assert np.isfinite(cells.log_power).all()
+    # Most of what is suspected among poles is one, or beside it.
+    assert cells.are_surface.mean() > 0.5

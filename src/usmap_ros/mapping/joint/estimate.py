@@ -56,8 +56,9 @@ WALL_ROUNDS, WALL_SHADOWS = 2, 2
 FIRST_DAMPING, WALL_DAMPING = 0.6, 0.7
 #: Change of what hides, as a share of it, at which it has settled.
 SETTLED = 0.04
-#: Log-odds from which on a cell is reliable, and the share of an echo that it then explains.
-RELIABLE, EXPLAINED_SHARE = 1.0, 0.5
+#: Log-odds, without powers, from which on a cell is reliable, and the share of an echo that it then
+#: explains.
+RELIABLE, EXPLAINED_SHARE = 2.05, 0.5
 #: Within this distance of where a robot stood nothing else stands.
 STOOD_M = 0.12
 
@@ -123,6 +124,7 @@ class JointEstimate:
 
     def estimate_walls(self) -> Walls:
         """Find walls, and beliefs with them, after powers."""
+        # What mirrors return tells nothing of what cells scatter: powers count once they are known.
         log_odds = cell_log_odds(self.evidence, self.field.shape)
         is_reliable = log_odds > RELIABLE
         alone = lone_cells(is_reliable, log_odds, self.field)
@@ -195,6 +197,10 @@ class JointEstimate:
         """Powers of the quarters of all cells."""
         return self._powers.power
 
+    def belief(self) -> FloatArray:
+        """Log-odds that each cell holds or touches a surface, (rows, columns)."""
+        return cell_log_odds(self.evidence, self.field.shape, self._powers.of_cells)
+
     @property
     def expected(self) -> NDArray[np.float32]:
         """λ of each range bin of each ping."""
@@ -263,9 +269,8 @@ class JointEstimate:
 
     def walls(self) -> Walls:
         """Cells that are shown, and lines through them, by today's evidence."""
-        log_odds = cell_log_odds(self.evidence, self.field.shape)
         return find_walls(
-            log_odds, self.evidence, self.field, self._gap_m, self._smooth, self._stood
+            self.belief(), self.evidence, self.field, self._gap_m, self._smooth, self._stood
         )
 
     def free_space(self, walls: Walls) -> tuple[Walls, BoolArray]:

@@ -11,7 +11,7 @@ from usmap_ros.mapping.extent import check_size
 from usmap_ros.mapping.joint.area_state import AreaState
 from usmap_ros.mapping.joint.estimate import ROUNDS, JointEstimate
 from usmap_ros.mapping.joint.first_pings import first_log_odds
-from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING, cell_log_odds
+from usmap_ros.mapping.joint.forward_model.log_odds import NOTHING
 from usmap_ros.mapping.joint.kept_pings import KeptPings, Pings
 from usmap_ros.mapping.joint.sensors import Sensors
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
@@ -91,7 +91,7 @@ class _Areas:
                 (ping_in_row(pings.table, row) for row in pings.rows), field, parameters
             )
         if belief is None:
-            belief = cell_log_odds(estimate.evidence, field.shape)
+            belief = estimate.belief()
             return estimate.known(*estimate.free_space(walls), belief, credit)
         nothing = np.zeros(field.shape, bool)
         walls = Walls(belief > SHOWN, nothing, nothing, NO_LINES, NO_LINES)

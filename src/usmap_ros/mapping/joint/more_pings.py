@@ -95,7 +95,7 @@ class MorePings:
         return before._replace(
             power=settled.power.reshape(before.power.shape),
             firmness=settled.known.reshape(before.power.shape),
-            hiding=hides, belief=cell_log_odds(evidence, shape), **said,
+            hiding=hides, belief=cell_log_odds(evidence, shape, powers.of_cells), **said,
         )  # fmt: skip
 
     def _freed(

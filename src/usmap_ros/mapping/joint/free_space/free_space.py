@@ -122,7 +122,8 @@ class FreeSpace:
         )  # fmt: skip
         proofs = self._proven(occupied, left, powers, smooth, evidence, answers.one_sided)
         stood, wanted = self._stood & ~occupied, self._in_reach() & ~occupied
-        closed = (cell_log_odds(evidence, field.shape) > SUSPECTED) & ~occupied
+        belief = cell_log_odds(evidence, field.shape, powers.of_cells)
+        closed = (belief > SUSPECTED) & ~occupied
         worst = np.zeros((*field.shape, GROUPS), np.float32)
         heard.renew(left, wanted | walls.bridged, worst)
         going_on = self._going_on(walls, smooth, heard, left, worst)

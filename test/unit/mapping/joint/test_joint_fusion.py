@@ -175,7 +175,7 @@ def test_one_that_is_trusted_again_is_for_what_it_says_from_then_on(views: list[
 
 
 def test_one_that_is_trusted_less_counts_less(views: list[EchoCone]) -> None:
-    fusion = fused(views, "robot")
+    fusion = fused(views, "robot", greatest_log_odds=50.0)
     wholly = fusion.occupancy_map()
     fusion.trust({"robot": 0.3})
     less = fusion.occupancy_map()

@@ -17,18 +17,17 @@ from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
+from logistic import logistic_weights
 from methods import METHODS
 from numpy.typing import NDArray
 from recordings import cones
 from rich.progress import track
 from scenes import CONDITIONS, scenario
-from scipy.special import expit
 
-from usmap_ros.grids import TruthMap
 from usmap_ros.mapping.joint.estimate import JointEstimate
 from usmap_ros.mapping.joint.forward_model import log_odds
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
+from usmap_ros.mapping.joint.visibility.field import QUARTERS
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -58,13 +57,14 @@ def suspected_cells(scene: str, condition: str, seed: int, cache: Path | None) -
     recorded = cones(world, method.parameters().reconstruction, cache, CONDITIONS[condition].sensor)
     found = list[Cells]()
     as_ever, truth = JointEstimate.free_space, world.truth_map()
+    places_m = truth.geometry.cell_centers_m(*np.nonzero(truth.occupied)).T
 
     def note(estimate: JointEstimate, walls: Walls) -> tuple[Walls, BoolArray]:
         field = estimate.field
         where, heard = log_odds.cell_features(estimate.evidence, field.shape)
         power = estimate.power.reshape(*field.shape, QUARTERS).sum(axis=2)
         of_block = log_odds.over_block(power, np.add)[where]
-        near = log_odds.over_block(_on_field(truth, field))
+        near = log_odds.over_block(field.cells_at(*places_m))
         found.append(Cells(heard, np.log(of_block + log_odds.TINY), near[where]))
         return as_ever(estimate, walls)
 
@@ -73,29 +73,9 @@ def suspected_cells(scene: str, condition: str, seed: int, cache: Path | None) -
     return Cells(*(np.concatenate(values) for values in zip(*found, strict=True)))
 
 
-def _on_field(truth: TruthMap, field: Field) -> BoolArray:
-    """What is occupied, as cells of a field."""
-    rows, columns = np.nonzero(truth.occupied)
-    left_m, bottom_m = truth.geometry.origin_m
-    side_m = truth.geometry.resolution_m
-    x_m, y_m = left_m + (columns + 0.5) * side_m, bottom_m + (rows + 0.5) * side_m
-    column = np.floor(x_m / field.resolution_m).astype(int) - field.first_column
-    row = np.floor(y_m / field.resolution_m).astype(int) - field.first_row
-    inside = (row >= 0) & (row < field.rows) & (column >= 0) & (column < field.columns)
-    occupied = np.zeros(field.shape, bool)
-    occupied[row[inside], column[inside]] = True
-    return occupied
-
-
-def own_log_odds(cells: Cells) -> FloatArray:
-    """By the product's weights, of what was heard alone."""
-    odds: FloatArray = log_odds.INTERCEPT + cells.heard @ np.array(log_odds.OF_FEATURES)
-    return odds
-
-
 def features(cells: Cells) -> FloatArray:
     """A constant, what was heard, and powers, (cells, features)."""
-    powers = log_odds.power_features(cells.log_power, own_log_odds(cells))
+    powers = log_odds.power_features(cells.log_power, log_odds.heard_log_odds(cells.heard))
     return np.hstack([np.ones((len(powers), 1)), cells.heard, powers])
 
 
@@ -103,15 +83,7 @@ def fitted(among: Sequence[Cells], count: int) -> FloatArray:
     """Weights of the first so many features."""
     told = np.concatenate([features(cells)[:, :count] for cells in among])
     is_surface = np.concatenate([cells.are_surface for cells in among])
-    counts = _counts(among)
-    weights = np.zeros(count)
-    for _ in range(50):
-        likely = expit(told @ weights)
-        ridge = RIDGE * np.eye(count)
-        hessian = told.T @ (told * (counts * likely * (1.0 - likely))[:, np.newaxis]) + ridge
-        slope = told.T @ (counts * (is_surface - likely)) - RIDGE * weights
-        weights += np.linalg.solve(hessian, slope)
-    return weights
+    return logistic_weights(told, is_surface, RIDGE, _counts(among))
 
 
 def log_loss(among: Sequence[Cells], weights: FloatArray) -> float:
@@ -133,11 +105,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1000, 1001])
     parser.add_argument("--judged", type=int, nargs="+", default=[1240, 1241])
-    parser.add_argument("--scenes", nargs="+", default=sorted({scene for scene, _ in SCENES}))
     parser.add_argument("--cache", type=Path)
     given = parser.parse_args()
-    pairs = [(scene, condition) for scene, condition in SCENES if scene in given.scenes]
-    todo = [(*pair, seed) for pair in pairs for seed in (*given.seeds, *given.judged)]
+    todo = [(*pair, seed) for pair in SCENES for seed in (*given.seeds, *given.judged)]
     cells = {
         each: suspected_cells(*each, given.cache)
         for each in track(todo, description="Mapping", transient=True)

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
+from logistic import logistic_weights
 from numpy.typing import NDArray
 from rich.progress import track
 from scenes import scenario
@@ -172,13 +173,7 @@ def fitted(among: Sequence[Heard]) -> FloatArray:
     """Weights, such that each wall is as likely a mirror as not before it is looked at."""
     signs = np.concatenate([each.signs for each in among])
     is_mirror = np.concatenate([each.are_mirrors for each in among])
-    weights = np.zeros(signs.shape[1])
-    for _ in range(50):
-        likely = expit(signs @ weights)
-        ridge = RIDGE * np.eye(len(weights))
-        hessian = signs.T @ (signs * (likely * (1.0 - likely))[:, np.newaxis]) + ridge
-        slope = signs.T @ (is_mirror - likely) - RIDGE * weights
-        weights += np.linalg.solve(hessian, slope)
+    weights = logistic_weights(signs, is_mirror, RIDGE)
     weights[0] -= logit(np.clip(is_mirror.mean(), 1e-3, 1.0 - 1e-3))
     return weights
 

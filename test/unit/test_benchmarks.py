@@ -478,7 +478,7 @@ def test_weights_of_cells_are_those_that_tell_best(benchmark: ModuleType) -> Non
     generator = np.random.default_rng(3)
     heard = generator.normal(size=(4000, len(cell_odds.log_odds.OF_FEATURES)))
     cells = cell_odds.Cells(heard, np.zeros(4000), np.zeros(4000, bool))
-    chances = 1.0 / (1.0 + np.exp(-cell_odds.own_log_odds(cells)))
+    chances = 1.0 / (1.0 + np.exp(-cell_odds.log_odds.heard_log_odds(cells.heard)))
     cells = cells._replace(are_surface=generator.random(4000) < chances)
     weights = cell_odds.fitted([cells], 1 + heard.shape[1])
     own = np.array([cell_odds.log_odds.INTERCEPT, *cell_odds.log_odds.OF_FEATURES])

@@ -104,7 +104,7 @@ def cell_log_odds(
     log_odds = np.full(shape, NOTHING)
     # Nothing is suspected in most cells, and logarithms take long.
     suspected, features = cell_features(evidence, shape)
-    of_heard = INTERCEPT + features @ np.array(OF_FEATURES)
+    of_heard = heard_log_odds(features)
     if power is not None and suspected.any():
         of_heard += _of_power(np.log(over_block(power, np.add)[suspected] + TINY), of_heard)
     log_odds[suspected] = of_heard
@@ -145,6 +145,12 @@ def cell_features(evidence: CellEvidence, shape: tuple[int, int]) -> tuple[BoolA
         axis=1,
     )
     return suspected, features
+
+
+def heard_log_odds(features: FloatArray) -> FloatArray:
+    """Log-odds of cells by what was heard alone; features as `cell_features` has them."""
+    log_odds: FloatArray = INTERCEPT + features @ np.array(OF_FEATURES)
+    return log_odds
 
 
 def _of_power(log_power: FloatArray, log_odds: FloatArray) -> FloatArray:

@@ -8,6 +8,7 @@ import pytest
 from usmap_ros.mapping.joint.free_space.mirror_share import (
     ENOUGH_PINGS,
     LEAST_ECHOES,
+    LOUDER,
     MANY_THINGS,
     OF_MIRRORS,
     OF_POLES,
@@ -25,19 +26,32 @@ from usmap_ros.numerics.arrays import FloatArray
 #: Square, and at 20 to 50 degrees.
 SQUARE, ASLANT = 1, 4
 LOG_SILENT = np.full((LOUDNESSES, INCIDENCES), math.log(0.1))
+#: A step of loudness that says nothing, and the first that does.
+INAUDIBLE, FAINT = 6, 7
+LOG_SILENT[: INAUDIBLE + 1] = math.log(0.9)
 
 
-def room(answers_aslant: float, walls: int, is_struck: bool = True, least: float = 0.0) -> float:
-    """Share of mirrors in a room of walls, each of 40 cells that five looks strike either way."""
+def room(
+    answers_aslant: float,
+    walls: int,
+    is_struck: bool = True,
+    least: float = 0.0,
+    faint: float = 0.0,
+) -> float:
+    """Share of mirrors in a room of walls, each of 40 cells that five looks strike either way.
+
+    A share of the looks is so faint that nothing aslant is heard.
+    """
     cells = 40 * walls
     surface = np.repeat(np.arange(cells, dtype=np.int32), 10)
     incidence = np.tile(np.repeat([SQUARE, ASLANT], 5), cells).astype(np.int32)
     if not is_struck:
         incidence[:] = ASLANT
-    heard = np.random.default_rng(1).random(len(surface)) < np.where(
-        incidence == SQUARE, 0.9, answers_aslant
-    )
-    classes = np.full(len(surface), 10, np.int32)
+    rng = np.random.default_rng(1)
+    heard = rng.random(len(surface)) < np.where(incidence == SQUARE, 0.9, answers_aslant)
+    classes = np.full(len(surface), FAINT + LOUDER, np.int32)
+    classes[rng.random(len(surface)) < faint] = FAINT
+    heard &= (classes > FAINT) | (incidence == SQUARE)
     looked = SurfaceViews(
         surface, classes, incidence, classes * 0, heard.astype(np.uint8),
         np.ones(len(surface), np.float32),
@@ -50,6 +64,13 @@ def room(answers_aslant: float, walls: int, is_struck: bool = True, least: float
 def test_walls_that_answer_aslant_are_no_mirrors() -> None:
     assert room(0.8, 8) < 0.05
     assert room(0.0, 8) > 0.6
+
+
+def test_walls_that_are_too_faint_aslant_are_no_mirrors() -> None:
+    """From afar rough walls answer square looks alone: half of a room of them was unknown."""
+    assert room(0.8, 8, faint=0.95) == pytest.approx(room(0.8, 8), rel=0.3)
+    # Where there is nothing but faint looks these tell as before.
+    assert room(0.8, 8, faint=1.0) > 0.6
 
 
 def test_few_walls_say_less_than_many() -> None:

@@ -22,6 +22,7 @@ from usmap_ros.mapping.joint.free_space.refutation import refute_for_room
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     ANY_WIDTH_M,
+    COLUMN_M,
     EXPECTED_M,
     FACES_SO,
     LONG_M,
@@ -47,13 +48,15 @@ def wall(normal_rad: float, length_m: float) -> MirrorWall:
 
 
 ROOM = [wall(0.3, 4.0), wall(0.3 + 0.5 * math.pi, 3.0), wall(0.31 - math.pi, 2.0), wall(1.1, 0.6)]
+#: How much of them is parallel or square to most, and one that is askew may be, m.
+MOST_M = 9.0 + EXPECTED_M + 0.6 * A_METRE_ASKEW
 
 
 def priors(
-    walls: list[MirrorWall], alone_m: float = 0.0, columns: float = 0.0, things: int = 8
+    walls: list[MirrorWall], alone_m: float = 0.0, columns: float = 0.0, alone: int = 8
 ) -> FloatArray:
     """What is asked for in a room of mirrors, or among other things."""
-    return log_priors(facing(walls, NO_LINES, 0.05), len(walls), columns, things, alone_m, 0.2)
+    return log_priors(facing(walls, NO_LINES, 0.05), len(walls), columns, alone, alone_m, 0.2)
 
 
 def test_walls_that_are_square_to_most_face_usually() -> None:
@@ -112,16 +115,19 @@ def test_without_mirrors_and_columns_nothing_round_is_looked_for() -> None:
     assert priors([])[ROUND, 1] < -100.0
 
 
-def test_round_things_are_the_likelier_the_more_columns_there_are_for_each_wall() -> None:
-    # Four walls, as lines of what answers from any side and as mirrors, which columns go with.
-    for columns, among_lines, among_mirrors in ((1, 1.0 / 3.0, 2.0 / 3.0), (2, 2.0 / 3.0, 1.0)):
-        for walls, share in (([], among_lines), (ROOM, among_mirrors)):
-            prior = priors(walls, columns=columns, things=4)[ROUND, 1]
-            assert prior == pytest.approx(math.log(share))
+def test_round_things_are_the_likelier_the_more_of_all_surface_is_theirs() -> None:
+    for columns in (1, 2):
+        # One more speaks for others among mirrors, in four walls of which three are square.
+        among_mirrors = priors(ROOM, columns=columns)[ROUND, 1]
+        assert among_mirrors == pytest.approx(math.log(COLUMN_M * (columns + 1) / MOST_M))
+        # Among things that stand alone each is one.
+        among_things = priors([], columns=columns, alone=20)[ROUND, 1]
+        assert among_things == pytest.approx(math.log(columns / 20), abs=0.01)
+    assert priors(ROOM, columns=20)[ROUND, 1] == 0.0
 
 
 def test_round_things_are_looked_for_among_mirrors_even_if_no_column_was_found() -> None:
-    assert priors(ROOM)[ROUND, 1] == pytest.approx(math.log(1.0 / 3.0))
+    assert priors(ROOM)[ROUND, 1] == pytest.approx(math.log(COLUMN_M / MOST_M))
 
 
 def test_nothing_is_likelier_than_the_most_usual_walls() -> None:

@@ -17,8 +17,9 @@ from usmap_ros.numerics.arrays import BoolArray, FloatArray
 
 #: Classes of incidence below which a look is square, and those that are aslant.
 SQUARE, ASLANT = 3, slice(4, 6)
-#: P(silent | struck squarely) below which surfaces are loud enough to tell.
-TELLING_SILENCE = 0.4
+#: P(silent | struck squarely) below which surfaces are loud enough to tell; and steps of loudness
+#: above that at which rough ones answer aslant, too, as they do 3 to 9 dB fainter.
+TELLING_SILENCE, LOUDER = 0.4, 3
 #: Answers aslant, over those to square looks, below which a wall is a mirror and above which it is
 #: none; looks aslant, and cells, of which a wall counts half: short ones are often none.
 MIRROR, SCATTERER, ENOUGH_LOOKS, ENOUGH_CELLS = 0.05, 0.25, 5.0, 8.0
@@ -217,11 +218,14 @@ def _told_apart(
     views: SurfaceViews, surfaces: FloatArray, log_silent: FloatArray, has_normal: BoolArray
 ) -> tuple[float, float, BoolArray]:
     """How many walls are mirrors, how many are not, and which surfaces were struck squarely."""
-    wall = _numbers(surfaces)
-    is_loud = (log_silent[:, 1] < np.log(TELLING_SILENCE))[views.loud]
-    is_loud &= has_normal[views.surface]
+    wall, tells = _numbers(surfaces), log_silent[:, 1] < np.log(TELLING_SILENCE)
+    is_loud = tells[views.loud] & has_normal[views.surface]
     is_square = is_loud & (views.incidence < SQUARE)
     is_aslant = is_loud & (views.incidence >= ASLANT.start) & (views.incidence < ASLANT.stop)
+    is_louder = is_aslant & tells[np.maximum(views.loud, LOUDER) - LOUDER]
+    number = wall[views.surface]
+    louder = np.bincount(number[is_louder], minlength=int(wall.max(initial=-1)) + 1)
+    is_aslant &= is_louder | (louder < ENOUGH_LOOKS)[number]
     is_struck = np.zeros(len(surfaces), bool)
     is_struck[views.surface[is_square]] = True
     square, square_looks = _answers(views, wall, is_square, log_silent)

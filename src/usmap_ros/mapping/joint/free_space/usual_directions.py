@@ -27,9 +27,9 @@ EXPECTED_M, A_METRE_ASKEW, A_METRE_ALONE = 0.12, 0.1, 0.1
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
 NEVER = -1e3
-#: Round columns that are found for each wall, or other thing, where there are as many, for they are
-#: fainter; and how many speak for others where there are mirrors, but no columns were found.
-COLUMNS_A_WALL, PSEUDO_COLUMNS = 0.5, 1.0
+#: Surface of a round column, m; and how many speak for others where there are mirrors, but no
+#: columns were found.
+COLUMN_M, PSEUDO_COLUMNS = 0.8, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
 #: Log-likelihood ratio from which on so much was heard of a wall that it may stand there.
@@ -72,7 +72,7 @@ def log_priors(
     walls: WallDirections,
     mirrors: int,
     columns: float,
-    things: int,
+    alone: int,
     alone_m: float,
     mirrored: float,
 ) -> FloatArray:
@@ -87,9 +87,10 @@ def log_priors(
         where there are, something round that answers every view, as smooth walls answer square
         ones, is asked for as well.
     columns : float
-        Round columns that are likely: the more there are for each wall, the more others may stand.
-    things : int
-        Lines of walls, and what stands alone, if there are no mirrors.
+        Round columns that are likely: the more of all surface is theirs, the more others may stand.
+    alone : int
+        Things that stand on no line, each of which counts as much as a column where there are no
+        mirrors.
     alone_m : float
         Length of what was found on no line: where much is, more may face anywhere.
     mirrored : float
@@ -105,9 +106,6 @@ def log_priors(
     kinds = np.zeros((KINDS, 3))
     kinds[:, 2] = OTHERS
     kinds[ORIENTATIONS:ROUND, 2] = OTHERS if mirrors else MIRRORS
-    share = columns + (PSEUDO_COLUMNS if mirrors else 0.0)
-    share /= COLUMNS_A_WALL * (mirrors or things) + PSEUDO_COLUMNS
-    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     normals_rad = np.arange(ORIENTATIONS) * math.pi / ORIENTATIONS
     if len(walls.normals_rad):
         normals_rad += usual_direction(*walls)
@@ -119,6 +117,9 @@ def log_priors(
     kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
     kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
     kinds[:ORIENTATIONS, 1] = usual
+    round_m = COLUMN_M * (columns + (PSEUDO_COLUMNS if mirrors else 0.0))
+    most_m = found_m.max() + (0.0 if mirrors else COLUMN_M * alone)
+    kinds[ROUND, 1] = math.log(min(1.0, round_m / most_m)) if round_m else NEVER
     if mirrors:
         for first in (0, ORIENTATIONS):
             kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS

@@ -39,6 +39,7 @@ from usmap_ros.mapping.joint.witnesses import (
     MutualEvidence,
     credit,
     halves_of,
+    mostly_there,
     mutual_evidence,
 )
 from usmap_ros.mapping.ping_table import NOISE, PingTable, X, Y
@@ -182,7 +183,7 @@ class JointEstimate:
         places_m, mirrored = self.table.numbers[self.pings][:, [X, Y]], self._smooth.mirrored
         if mirrored:
             # Who stands among mirrors denies what is behind them: that is no contradiction.
-            part += count * any_holds(mirrored, places_m)
+            part += count * mostly_there(part // HALVES, any_holds(mirrored, places_m))
         apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
         known = self._smooth.recognised
         columns = [*known.columns, *known.suspected]

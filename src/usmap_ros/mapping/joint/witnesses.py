@@ -39,6 +39,9 @@ HEALTHY = 2.5
 #: other either has half.  And credit that is none if it is less.
 LEAST_CHANCE, LEAST_CREDIT = 0.6, 0.1
 TINY = 1e-9
+#: Share of a robot's pings from somewhere from which on it is there, and so are the others of them
+#: that were sent from beside: nobody knows just where a part of a place begins.
+MOSTLY = 0.8
 #: Within this distance of a column what is heard may be of it, m.
 BESIDE_M = 0.15
 
@@ -82,6 +85,20 @@ def halves_of(sources: Sequence[str], names: Sequence[str]) -> NDArray[np.int64]
         own = np.flatnonzero(number == robot)
         halves[own[len(own) // HALVES :]] += 1
     return halves
+
+
+def mostly_there(robot: NDArray[np.int64], is_there: BoolArray) -> BoolArray:
+    """Whether each ping was sent from somewhere, or its robot is there for the most part.
+
+    Parameters
+    ----------
+    robot : (pings,) integer array
+        Whose each ping is.
+    is_there : (pings,) bool array
+        Whether each was sent from there.
+    """
+    share = np.bincount(robot, is_there) / np.maximum(np.bincount(robot), 1)
+    return np.asarray(is_there | (share >= MOSTLY)[robot])
 
 
 def mutual_evidence(

@@ -9,7 +9,12 @@ import pytest
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.field import Field
-from usmap_ros.mapping.joint.witnesses import MutualEvidence, credit, mutual_evidence
+from usmap_ros.mapping.joint.witnesses import (
+    MutualEvidence,
+    credit,
+    mostly_there,
+    mutual_evidence,
+)
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -176,3 +181,12 @@ def test_who_weighs_no_robots_obeys_no_finding_either(views: list[EchoCone]) -> 
         fusion.fuse(cone, "robot")
     assert not fusion.trust({"robot": 0.0})
     assert fusion.occupancy_map().predicted().any()
+
+
+def test_who_is_mostly_somewhere_is_there_with_all_pings() -> None:
+    """At the edge of a room of mirrors pings of one robot denied the rough wall behind theirs."""
+    robot = np.repeat([0, 1, 2], 10)
+    is_there = np.zeros(30, bool)
+    is_there[:9] = is_there[10:15] = True
+    there = mostly_there(robot, is_there).reshape(3, 10).sum(axis=1)
+    assert there.tolist() == [10, 5, 0]

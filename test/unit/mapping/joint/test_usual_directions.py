@@ -19,6 +19,7 @@ from usmap_ros.mapping.joint.free_space.kinds import (
     ROUND,
 )
 from usmap_ros.mapping.joint.free_space.refutation import refute_for_room
+from usmap_ros.mapping.joint.free_space.silence import MIRRORED
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
     ANY_WIDTH_M,
@@ -53,10 +54,10 @@ MOST_M = 9.0 + EXPECTED_M + 0.6 * A_METRE_ASKEW
 
 
 def priors(
-    walls: list[MirrorWall], alone_m: float = 0.0, columns: float = 0.0, alone: int = 8
+    walls: list[MirrorWall], alone_m: float = 0.0, columns: float = 0.0, things: int = 8
 ) -> FloatArray:
     """What is asked for in a room of mirrors, or among other things."""
-    return log_priors(facing(walls, NO_LINES, 0.05), len(walls), columns, alone, alone_m, 0.2)
+    return log_priors(facing(walls, NO_LINES, 0.05), len(walls), columns, things, alone_m, 0.2)
 
 
 def test_walls_that_are_square_to_most_face_usually() -> None:
@@ -115,15 +116,19 @@ def test_without_mirrors_and_columns_nothing_round_is_looked_for() -> None:
     assert priors([])[ROUND, 1] < -100.0
 
 
-def test_round_things_are_the_likelier_the_more_of_all_surface_is_theirs() -> None:
-    for columns in (1, 2):
-        # One more speaks for others among mirrors, in four walls of which three are square.
-        among_mirrors = priors(ROOM, columns=columns)[ROUND, 1]
-        assert among_mirrors == pytest.approx(math.log(COLUMN_M * (columns + 1) / MOST_M))
-        # Among things that stand alone each is one.
-        among_things = priors([], columns=columns, alone=20)[ROUND, 1]
-        assert among_things == pytest.approx(math.log(columns / 20), abs=0.01)
-    assert priors(ROOM, columns=20)[ROUND, 1] == 0.0
+@pytest.mark.parametrize("columns", [1, 2])
+def test_round_things_are_the_likelier_the_more_columns_there_are(columns: int) -> None:
+    # Of four walls, or other things; and beside mirrors, three of which are square to each other.
+    among_things = priors([], columns=columns, things=4)[ROUND, 1]
+    assert among_things == pytest.approx(math.log(columns / 3.0))
+    among_mirrors = priors(ROOM, columns=columns)[ROUND, 1]
+    assert among_mirrors == pytest.approx(math.log(COLUMN_M * (columns + 1) / MOST_M))
+
+
+def test_a_few_suspected_columns_do_not_keep_a_room_of_mirrors_unknown() -> None:
+    """A tee had four, and none: 0.16 of what was in sight was unknown for them alone."""
+    walls = [wall(0.5 * math.pi * number, 4.0) for number in range(7)]
+    assert priors(walls, columns=2.1)[ROUND, 1] < MIRRORED[0]
 
 
 def test_round_things_are_looked_for_among_mirrors_even_if_no_column_was_found() -> None:

@@ -217,7 +217,7 @@ def _learnt(
     """Learn what silence says there; other arguments as of `learn_answers` and `thresholds_of`."""
     own, walls, mirrors, columns, one_sided, struck = place
     surfaces, on_lines = _surfaces(walls, evidence, field)
-    alone = int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
+    things = len(walls.lines) + int(np.count_nonzero(surfaces[:, 2] == NO_NORMAL))
     views = look_at(table, pings, field, left, listening, surfaces)
     facing_them = facing_who_heard(views, surfaces, len(pings), one_sided)
     if facing_them is not surfaces:
@@ -236,11 +236,11 @@ def _learnt(
     told = walled if mirrors else told_by_walls(walled, len(walls.lines), wide)
     mirrored = max(
         mirror_share(views, surfaces, log_silent, 1.0 - walled, struck),
-        unexplained_share(chances, ranges_m, len(walls.lines) + alone, len(mine), 1.0 - told),
+        unexplained_share(chances, ranges_m, things, len(mine), 1.0 - told),
     )
     mirrored = max(mirrored, LEAST_MIRRORED) if mirrors else min(CAUTION**walled * mirrored, 1.0)
     walls_facing = facing(mirrors, walls.lines, field.resolution_m)
-    kinds = log_priors(walls_facing, len(mirrors), columns, alone, alone_m, mirrored)
+    kinds = log_priors(walls_facing, len(mirrors), columns, things, alone_m, mirrored)
     long_and_short = lengths(walls.all_lines, alone_m, field.resolution_m)
     likelier = 0.0 if mirrors else -walled * math.log(mirrored)
     return Silence(

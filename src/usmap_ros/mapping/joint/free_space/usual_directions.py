@@ -27,9 +27,9 @@ EXPECTED_M, A_METRE_ASKEW, A_METRE_ALONE = 0.12, 0.1, 0.1
 NEAR = math.sin(math.pi / ORIENTATIONS)
 #: Of what is never looked for.
 NEVER = -1e3
-#: Surface of a round column, m; and how many speak for others where there are mirrors, but no
-#: columns were found.
-COLUMN_M, PSEUDO_COLUMNS = 0.8, 1.0
+#: Round columns that are found for each wall, or other thing, where there are as many, for they are
+#: fainter; among mirrors, the surface of one, m, and how many speak for others if none were found.
+COLUMNS_A_WALL, COLUMN_M, PSEUDO_COLUMNS = 0.5, 0.8, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
 #: Log-likelihood ratio from which on so much was heard of a wall that it may stand there.
@@ -72,7 +72,7 @@ def log_priors(
     walls: WallDirections,
     mirrors: int,
     columns: float,
-    alone: int,
+    things: int,
     alone_m: float,
     mirrored: float,
 ) -> FloatArray:
@@ -87,10 +87,9 @@ def log_priors(
         where there are, something round that answers every view, as smooth walls answer square
         ones, is asked for as well.
     columns : float
-        Round columns that are likely: the more of all surface is theirs, the more others may stand.
-    alone : int
-        Things that stand on no line, each of which counts as much as a column where there are no
-        mirrors.
+        Round columns that are likely: the more there are, the more others may stand.
+    things : int
+        Lines of walls, and what stands alone, if there are no mirrors.
     alone_m : float
         Length of what was found on no line: where much is, more may face anywhere.
     mirrored : float
@@ -117,9 +116,12 @@ def log_priors(
     kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
     kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
     kinds[:ORIENTATIONS, 1] = usual
-    round_m = COLUMN_M * (columns + (PSEUDO_COLUMNS if mirrors else 0.0))
-    most_m = found_m.max() + (0.0 if mirrors else COLUMN_M * alone)
-    kinds[ROUND, 1] = math.log(min(1.0, round_m / most_m)) if round_m else NEVER
+    share = columns / (COLUMNS_A_WALL * things + 1.0)
+    if mirrors:
+        # By surface, as everything else.  Rough walls are loud, and say much of what is far off,
+        # where columns are faint and would be lost: there each counts as much as a wall.
+        share = COLUMN_M * (columns + PSEUDO_COLUMNS) / found_m.max()
+    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     if mirrors:
         for first in (0, ORIENTATIONS):
             kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS

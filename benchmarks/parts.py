@@ -24,13 +24,19 @@ from usmap_ros.mapping.joint.free_space import (
     open_rays,
     refutation,
     response,
+    rounds,
     silence,
     usual_directions,
 )
 from usmap_ros.mapping.joint.free_space.continuations import Continuations
 from usmap_ros.mapping.joint.free_space.kinds import ORIENTATIONS, ROUND
 from usmap_ros.mapping.joint.free_space.usual_directions import WallDirections
-from usmap_ros.mapping.joint.surfaces import mirror_walls, smooth_surfaces, walls
+from usmap_ros.mapping.joint.surfaces import (
+    alike_columns,
+    mirror_walls,
+    smooth_surfaces,
+    walls,
+)
 from usmap_ros.mapping.joint.surfaces import parts as place_parts
 from usmap_ros.mapping.joint.surfaces.panes import NO_LONE_LINES
 from usmap_ros.mapping.ping_table import NOISE, PingTable
@@ -134,12 +140,25 @@ PARTS = {
         ((mirror_walls, "face_usually", lambda found, among: np.zeros(len(found), bool)),),
     ),
     "fainter": Part("smooth walls are as loud as most", ((mirror_walls, "FAINTER", 0.4),)),
+    "cuts": Part("a place has no parts", ((place_parts, "CUTS", 0),)),
+    "images": Part(
+        "images in mirrors are walls",
+        ((mirror_walls, "seen_directly", lambda walls, *given: walls),),
+    ),
     "panes": Part(
         "no mirrors are expected among rough walls",
         ((smooth_surfaces, "lone_lines", lambda *given: NO_LONE_LINES),),
     ),
     "wall_ends": Part("smooth walls end at their feet", ((smooth_surfaces, "WallEnds", _AsFound),)),
     "columns": Part("no round columns", ((smooth_surfaces, "columns_of_place", _none),)),
+    "alike": Part(
+        "columns tell nothing of each other",
+        ((alike_columns, "several_alike", lambda *given: None),),
+    ),
+    "lone_points": Part(
+        "exact ranges tell of no points",
+        ((smooth_surfaces, "lone_points", lambda *given: np.zeros((0, 2))),),
+    ),
     "taken_out": Part(
         "echoes of smooth things stay",
         ((smooth_surfaces.SmoothSurfaces, "take_out", lambda things: None),),
@@ -147,6 +166,10 @@ PARTS = {
     "going_on": Part(
         "rough walls do not go on",
         ((continuations, "continue_lines", _ending),),
+    ),
+    "meeting": Part(
+        "walls do not go on until they meet",
+        ((continuations, "joined", lambda lines, *given: lines),),
     ),
     "behind": Part(
         "nothing is solid behind what one side heard",
@@ -180,6 +203,7 @@ PARTS = {
         "echoes as loud as mirrors' let sound through",
         ((free_space, "end_rays", lambda *given: None),),
     ),
+    "slits": Part("slits may be free", ((rounds, "without_slits", lambda free, *given: free),)),
     "connected": Part(
         "free without a way there", ((free_space, "led_to", lambda free, *given: free),)
     ),

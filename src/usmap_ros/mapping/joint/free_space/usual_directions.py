@@ -29,7 +29,7 @@ NEAR = math.sin(math.pi / ORIENTATIONS)
 NEVER = -1e3
 #: Round columns that are found for each wall, or other thing, where there are as many, for they are
 #: fainter; among mirrors, the surface of one, m, and how many speak for others if none were found.
-COLUMNS_A_WALL, COLUMN_M, PSEUDO_COLUMNS = 0.5, 0.8, 1.0
+COLUMNS_A_WALL, COLUMN_M, PSEUDO_COLUMNS = 0.5, 1.25, 1.0
 #: Ends that are so many times as far away as usual say nothing.
 FAR = 2.0
 #: Log-likelihood ratio from which on so much was heard of a wall that it may stand there.

@@ -246,6 +246,21 @@ def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
     assert is_refuted[18, 10, ALONG] != may_stand
 
 
+@pytest.mark.parametrize("width", [1, 3])
+def test_a_wall_ends_where_no_block_of_nine_cells_holds_one(width: int) -> None:
+    """Sound that was thought to cross a wall at its foot freed all of it, two metres long."""
+    empty, is_refuted = np.zeros((60, 60), bool), np.zeros((60, 60, GROUPS), bool)
+    is_refuted[20:23, 10 : 10 + width] = True
+    silence: Any = SimpleNamespace(
+        kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
+    )
+    refute_for_room(
+        is_refuted, np.zeros((60, 60, GROUPS), np.float32), ~empty,
+        Walls(empty, empty, empty, NO_LINES, NO_LINES), empty, silence, ANY_WIDTH_M,
+    )  # fmt: skip
+    assert is_refuted[17, 10, ALONG] == (width == 3)
+
+
 def test_mirrors_on_one_line_are_one_side_of_a_room() -> None:
     """A room of four mirrors, two of them on one line, lacked a side, and robots left there."""
     # Its line is turned about the middle of the first one.

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.forward_model.log_odds import over_block
 from usmap_ros.mapping.joint.free_space.kinds import ACROSS, ALONG, MIRRORS, ORIENTATIONS
 from usmap_ros.mapping.joint.free_space.open_space import MOST_A_SECTOR
 from usmap_ros.mapping.joint.free_space.silence import Answers, Silence
@@ -118,7 +119,8 @@ def refute_for_room(
     """Refute walls that face as most do where there is too little room for them.
 
     Where something may stand they may end, as in the corner to which a wall goes on: the side of an
-    alcove was free, for what was known of the wall behind it ended a decimetre before.
+    alcove was free, for what was known of the wall behind it ended a decimetre before.  And a cell
+    or two that are refuted end none: sound that came back past a wall's foot may seem to cross it.
 
     Parameters
     ----------
@@ -143,6 +145,12 @@ def refute_for_room(
         stands = np.where(walls.shown | closed, np.uint8(STANDS), np.uint8(0))
         stands[drawn(facing_so(walls.all_lines, usual), here.shape)] = FACES_SO
         here |= lacks_room(
-            said, here.copy(), wanted, stands, usual, silence.long_and_short, silence.refuted,
+            said, _blocks(here), wanted, stands, usual, silence.long_and_short, silence.refuted,
             widest,
         )  # fmt: skip
+
+
+def _blocks(cells: BoolArray) -> BoolArray:
+    """Cells of blocks of nine that are all among some."""
+    blocks: BoolArray = over_block(~over_block(~cells))
+    return blocks

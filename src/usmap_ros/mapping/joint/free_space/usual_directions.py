@@ -116,15 +116,16 @@ def log_priors(
     kinds[:ORIENTATIONS, 0] = kinds[ORIENTATIONS:ROUND, 0] = normals_rad
     kinds[ORIENTATIONS:ROUND, 1] = usual + math.log(mirrored)
     kinds[:ORIENTATIONS, 1] = usual
-    share = columns / (COLUMNS_A_WALL * things + 1.0)
-    if mirrors:
-        # By surface, as everything else.  Rough walls are loud, and say much of what is far off,
-        # where columns are faint and would be lost: there each counts as much as a wall.
-        share = COLUMN_M * (columns + PSEUDO_COLUMNS) / found_m.max()
-    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     if mirrors:
         for first in (0, ORIENTATIONS):
             kinds[[first, first + ORIENTATIONS // 2], 2] = ALONG, ACROSS
+        # By surface, as everything else.
+        share = COLUMN_M * (columns + PSEUDO_COLUMNS) / found_m.max()
+    else:
+        # Rough walls are loud, and say much of what is far off, where columns are faint and would
+        # be lost: each counts as much as a wall.
+        share = columns / (COLUMNS_A_WALL * things + 1.0)
+    kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     return kinds
 
 

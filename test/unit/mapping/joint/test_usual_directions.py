@@ -229,35 +229,36 @@ def test_a_wall_may_end_where_it_meets_another_one() -> None:
     assert lacking(is_refuted, stands=np.roll(crossing, 4, axis=0))[9, 10]
 
 
-@pytest.mark.parametrize("may_stand", [False, True])
-def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
-    """The side of an alcove was free, beside the corner that the wall behind it went on to."""
-    is_refuted = np.ones((60, 60, GROUPS), bool)
-    is_refuted[:, :, ALONG] = gap_of(17)
-    closed, empty = np.zeros((60, 60), bool), np.zeros((60, 60), bool)
-    closed[26, 10] = may_stand
+def refute(is_refuted: BoolArray, closed: BoolArray | None = None) -> None:
+    """Refute walls for room where nothing stands, nor may but in cells that are closed."""
+    empty = np.zeros((60, 60), bool)
     silence: Any = SimpleNamespace(
         kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
     )
     refute_for_room(
         is_refuted, np.zeros((60, 60, GROUPS), np.float32), ~empty,
-        Walls(empty, empty, empty, NO_LINES, NO_LINES), closed, silence, ANY_WIDTH_M,
+        Walls(empty, empty, empty, NO_LINES, NO_LINES), empty if closed is None else closed,
+        silence, ANY_WIDTH_M,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("may_stand", [False, True])
+def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
+    """The side of an alcove was free, beside the corner that the wall behind it went on to."""
+    is_refuted = np.ones((60, 60, GROUPS), bool)
+    is_refuted[:, :, ALONG] = gap_of(17)
+    closed = np.zeros((60, 60), bool)
+    closed[26, 10] = may_stand
+    refute(is_refuted, closed)
     assert is_refuted[18, 10, ALONG] != may_stand
 
 
 @pytest.mark.parametrize("width", [1, 3])
 def test_a_wall_ends_where_no_block_of_nine_cells_holds_one(width: int) -> None:
     """Sound that was thought to cross a wall at its foot freed all of it, two metres long."""
-    empty, is_refuted = np.zeros((60, 60), bool), np.zeros((60, 60, GROUPS), bool)
+    is_refuted = np.zeros((60, 60, GROUPS), bool)
     is_refuted[20:23, 10 : 10 + width] = True
-    silence: Any = SimpleNamespace(
-        kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
-    )
-    refute_for_room(
-        is_refuted, np.zeros((60, 60, GROUPS), np.float32), ~empty,
-        Walls(empty, empty, empty, NO_LINES, NO_LINES), empty, silence, ANY_WIDTH_M,
-    )  # fmt: skip
+    refute(is_refuted)
     assert is_refuted[17, 10, ALONG] == (width == 3)
 
 

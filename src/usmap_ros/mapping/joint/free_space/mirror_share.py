@@ -224,7 +224,7 @@ def _told_apart(
     is_aslant = is_loud & (views.incidence >= ASLANT.start) & (views.incidence < ASLANT.stop)
     is_louder = is_aslant & tells[np.maximum(views.loud, LOUDER) - LOUDER]
     number = wall[views.surface]
-    louder = np.bincount(number[is_louder], minlength=int(wall.max(initial=-1)) + 1)
+    louder = np.bincount(number[is_louder], minlength=len(surfaces))
     is_aslant &= is_louder | (louder < ENOUGH_LOOKS)[number]
     is_struck = np.zeros(len(surfaces), bool)
     is_struck[views.surface[is_square]] = True

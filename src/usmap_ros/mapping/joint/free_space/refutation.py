@@ -145,12 +145,12 @@ def refute_for_room(
         stands = np.where(walls.shown | closed, np.uint8(STANDS), np.uint8(0))
         stands[drawn(facing_so(walls.all_lines, usual), here.shape)] = FACES_SO
         here |= lacks_room(
-            said, _blocks(here), wanted, stands, usual, silence.long_and_short, silence.refuted,
+            said, _opened(here), wanted, stands, usual, silence.long_and_short, silence.refuted,
             widest,
         )  # fmt: skip
 
 
-def _blocks(cells: BoolArray) -> BoolArray:
-    """Cells of blocks of nine that are all among some."""
-    blocks: BoolArray = over_block(~over_block(~cells))
-    return blocks
+def _opened(cells: BoolArray) -> BoolArray:
+    """Morphological opening: cells of blocks of three by three that are all among some."""
+    opened: BoolArray = over_block(~over_block(~cells))
+    return opened

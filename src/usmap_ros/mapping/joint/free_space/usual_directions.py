@@ -123,7 +123,7 @@ def log_priors(
         share = COLUMN_M * (columns + PSEUDO_COLUMNS) / found_m.max()
     else:
         # Rough walls are loud, and say much of what is far off, where columns are faint and would
-        # be lost: each counts as much as a wall.
+        # be lost: each counts for two things, as one of two is found.
         share = columns / (COLUMNS_A_WALL * things + 1.0)
     kinds[ROUND, 1] = math.log(min(1.0, share)) if share else NEVER
     return kinds

@@ -9,8 +9,7 @@ from typing import NamedTuple
 from usmap_ros.mapping.common_error import NO_ERROR, CommonError, common_error, without_error
 from usmap_ros.mapping.joint.loudness import raised, steps_to_scale
 from usmap_ros.mapping.pose_delay import PoseTracks
-from usmap_ros.numerics.arrays import FloatArray
-from usmap_ros.pings.clutter import Kind, clutter_of, without_clutter
+from usmap_ros.pings.clutter import Clutter, Kind, clutter_of, without_clutter
 from usmap_ros.pings.cone import EchoCone
 from usmap_ros.pings.range_cones import first_return, report_first_only
 
@@ -23,7 +22,7 @@ class Sensors(NamedTuple):
     #: See `usmap_ros.mapping.joint.loudness.steps_to_scale`.
     steps: Mapping[str, int]
     #: See `usmap_ros.pings.clutter.clutter_of`.
-    clutter: Mapping[Kind, FloatArray] = MappingProxyType({})
+    clutter: Mapping[Kind, Clutter] = MappingProxyType({})
     #: What is wrong with all pings, and where they were sent from.
     common_error: CommonError = NO_ERROR
     tracks: PoseTracks = PoseTracks(())

@@ -49,6 +49,45 @@ def test_a_floor_hides_what_is_hardly_louder(make_cone: MakeCone) -> None:
     assert np.all(np.diff(beyond) <= 0.0)
 
 
+def faint_floor_pings(make_cone: MakeCone, stretches: int = 1) -> list[EchoCone]:
+    """The same of a floor so faint that every other ping hears nothing of it where it is.
+
+    It lies in the first of so many stretches of the way, and in each that follows after as many.
+    """
+    rng, cones = np.random.default_rng(6), []
+    for number in range(4 * LEAST_PINGS):
+        speckle = 0.9 * LIMIT * np.sqrt(rng.exponential(size=len(FLOOR_M)))
+        heard = (speckle > LIMIT) & (number // 15 % stretches == 0)
+        thing = 0.51 + 0.01 * number, LOUD
+        echoes = sorted([*zip(FLOOR_M[heard], speckle[heard], strict=True), thing])
+        cones.append(make_cone(*echoes, x_m=APART_M * number, limit=LIMIT, stamp_ns=number))
+    return cones
+
+
+def test_a_faint_floor_is_no_thing(make_cone: MakeCone) -> None:
+    cones = faint_floor_pings(make_cone)
+    assert np.mean([len(cone.ranges_m) for cone in cones]) > 4.0
+    left = [without_clutter(cone, clutter_of(cones)) for cone in cones]
+    assert all(LOUD in cone.amplitudes for cone in left)
+    assert np.mean([len(cone.ranges_m) for cone in left]) < 1.1
+
+
+def test_a_faint_floor_hides_things_only_where_it_is_heard(make_cone: MakeCone) -> None:
+    cones = faint_floor_pings(make_cone)
+    clutter = clutter_of(cones)
+    for cone in cones[:20]:
+        limits = without_clutter(cone, clutter).limit_amplitudes()
+        at_m = 0.1 + cone.limit_step_m * (np.arange(len(limits)) + 0.5)
+        floor_m = cone.ranges_m[cone.amplitudes < LOUD]
+        apart_m = np.abs(at_m[:, np.newaxis] - floor_m).min(axis=1, initial=9.0)
+        assert np.all(limits[apart_m < 0.02] > 5.0 * LIMIT)
+        assert np.all(limits[apart_m > 0.1] < 3.0 * LIMIT)
+
+
+def test_walls_that_some_stretches_hear_are_no_faint_floor(make_cone: MakeCone) -> None:
+    assert clutter_of(faint_floor_pings(make_cone, stretches=2)) == {}
+
+
 def test_what_one_robot_hears_of_a_floor_is_known_of_all(make_cone: MakeCone) -> None:
     kept = KeptPings(MappingParameters())
     *cones, last = floor_pings(make_cone)

@@ -41,7 +41,7 @@ FAINTER, SOME = 5.0, 0.1
 FALLING = 3.0
 #: Power over the mean that one of 150 of its echoes exceeds; amplitude over that from which on an
 #: object would have been heard surely, whatever it meets there; and how far beside an echo, m.
-MARGIN, SURELY, BESIDE_M = 5.0, 4.0, 0.03
+MARGIN, SURELY, BESIDE_M = 5.0, 3.0, 0.03
 
 
 class Clutter(NamedTuple):

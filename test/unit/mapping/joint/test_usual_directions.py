@@ -236,7 +236,7 @@ def refute(is_refuted: BoolArray, closed: BoolArray | None = None) -> None:
         kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
     )
     refute_for_room(
-        is_refuted, np.zeros((60, 60, GROUPS), np.float32), ~empty,
+        is_refuted, np.zeros((60, 60, GROUPS), np.float32), np.ones((2, 60, 60), bool),
         Walls(empty, empty, empty, NO_LINES, NO_LINES), empty if closed is None else closed,
         silence, ANY_WIDTH_M,
     )  # fmt: skip

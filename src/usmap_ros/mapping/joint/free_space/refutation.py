@@ -18,6 +18,8 @@ from usmap_ros.numerics.special import logistic
 
 #: Belief in what is occupied.
 OCCUPIED = 0.97
+#: Groups of walls that face as most do, and an orientation of each.
+USUAL = ((ALONG, 0), (ACROSS, ORIENTATIONS // 2))
 
 
 class Refutations(NamedTuple):
@@ -128,8 +130,8 @@ def refute_for_room(
         Where no surface of a group can stand; more is added.
     worst : (rows, columns, GROUPS) float32 array
         Log-likelihood ratio of a surface in each cell, by `refute_surfaces`.
-    wanted : (rows, columns) bool array
-        Cells that are asked for.
+    wanted : (2, rows, columns) bool array
+        Cells that are asked for, of each of the groups `USUAL`.
     walls : Walls
         What stands.
     closed : (rows, columns) bool array
@@ -139,13 +141,13 @@ def refute_for_room(
     widest : float
         Room for a wall of more cells says nothing.
     """
-    for group, first in ((ALONG, 0), (ACROSS, ORIENTATIONS // 2)):
+    for asked, (group, first) in zip(wanted, USUAL, strict=True):
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
         stands = np.where(walls.shown | closed, np.uint8(STANDS), np.uint8(0))
         stands[drawn(facing_so(walls.all_lines, usual), here.shape)] = FACES_SO
         here |= lacks_room(
-            said, _opened(here), wanted, stands, usual, silence.long_and_short, silence.refuted,
+            said, _opened(here), asked, stands, usual, silence.long_and_short, silence.refuted,
             widest,
         )  # fmt: skip
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.connected import without_slits
-from usmap_ros.mapping.joint.free_space.refutation import Refuting, refute_for_room
+from usmap_ros.mapping.joint.free_space.recesses import may_be_short
+from usmap_ros.mapping.joint.free_space.refutation import USUAL, Refuting, refute_for_room
 from usmap_ros.mapping.joint.free_space.silence import Answers
 from usmap_ros.mapping.joint.free_space.usual_directions import sides, widest_gap_m
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
@@ -61,7 +62,11 @@ def free_now(
         here, silence = next(answers.each(field))
         widest_cells = widest_gap_m(sides(mirrors)) / field.resolution_m
         asked = cells.wanted & here & ~cells.behind
-        refute_for_room(is_refuted, worst, asked, walls, cells.closed, silence, widest_cells)
+        wanted = np.array([
+            asked & ~may_be_short(field, mirrors, float(silence.kinds[first, 0]), asked)
+            for _, first in USUAL
+        ])  # fmt: skip
+        refute_for_room(is_refuted, worst, wanted, walls, cells.closed, silence, widest_cells)
     free: BoolArray = cells.wanted & over_last(np.logical_and, is_refuted) & ~cells.closed
     free |= cells.stood
     if not mirrors:

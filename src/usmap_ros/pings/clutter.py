@@ -27,10 +27,10 @@ STEP_M, LOOKS = 0.05, 2
 APART_M, LEAST_PINGS = 0.25, 30
 #: Share of pings that may hear nothing of it; range bins without a gap that it must be heard in.
 SILENT, LEAST_BINS = 0.3, 5
-#: Share of the pings of three stretches in four, of so many pings each, that hear clutter there
-#: which most pings do not hear; the median of its echoes exceeds the limit by no more than so many
-#: times what that share tells: of what is distributed exponentially the rest is as the whole.
-OFTEN, STRETCH, MEMORYLESS = 0.15, 12, 2.5
+#: Share of pings that hear clutter there which most do not hear, in each stretch of so many pings,
+#: but for such a share of stretches; the median of its echoes exceeds the limit by no more than so
+#: many times what that tells: of what is distributed exponentially the rest is as the whole.
+OFTEN, STRETCH, OTHERWISE, MEMORYLESS = 0.15, 12, 0.25, 2.5
 #: Such a share of pings first hear something within that, m, of where pings of the same sensor
 #: mostly do: a floor begins where the beam meets it, rough walls all around where they are nearest.
 ALIKE, ALIKE_M = 0.6, 0.1
@@ -138,7 +138,7 @@ def _heard_by_most(cones: list[EchoCone], power: FloatArray) -> FloatArray | Non
     if len(bins) < LEAST_BINS:
         return None
     mean = np.zeros(len(faintest))
-    mean[bins] = faintest[bins] / -np.log1p(-(SILENT ** (1.0 / LOOKS)))
+    mean[bins] = faintest[bins] / _over_mean(SILENT)
     return mean
 
 
@@ -153,7 +153,7 @@ def _heard_by_some(cones: list[EchoCone], power: FloatArray) -> FloatArray | Non
     if len(bins) < LEAST_BINS:
         return None
     limit = np.median([_limit_power(cone, bins) for cone in cones], axis=0)
-    of_bins = limit / -np.log1p(-((1.0 - share[bins]) ** (1.0 / LOOKS)))
+    of_bins = limit / _over_mean(1.0 - share[bins])
     echoes = np.array([np.median(heard[heard > 0.0]) for heard in power[:, bins].T])
     is_speckle = echoes - limit < MEMORYLESS * np.log(2.0) * of_bins
     count = len(bins) if is_speckle.all() else int(np.argmin(is_speckle))
@@ -164,14 +164,19 @@ def _heard_by_some(cones: list[EchoCone], power: FloatArray) -> FloatArray | Non
     return mean
 
 
+def _over_mean(share: float | FloatArray) -> float | FloatArray:
+    """Power over the mean that the loudest of all looks stays below in such a share of pings."""
+    return -np.log1p(-(share ** (1.0 / LOOKS)))
+
+
 def _share_anywhere(cones: list[EchoCone], is_heard: BoolArray) -> FloatArray:
-    """Share of pings that hear something in each range bin, in three stretches of a way in four."""
+    """Share of pings that hear something in each range bin, or more, in most stretches of a way."""
     frames, shares = np.array([cone.child_frame_id for cone in cones]), []
     for frame in np.unique(frames):
         own = np.flatnonzero(frames == frame)
         stretches = np.array_split(own, max(1, len(own) // STRETCH))
         shares += [is_heard[stretch].mean(axis=0) for stretch in stretches]
-    lower: FloatArray = np.quantile(shares, 0.25, axis=0)
+    lower: FloatArray = np.quantile(shares, OTHERWISE, axis=0)
     return lower
 
 

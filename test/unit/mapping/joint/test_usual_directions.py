@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.kinds import (
+    ACROSS,
     ALONG,
     GROUPS,
     KINDS,
@@ -229,14 +230,17 @@ def test_a_wall_may_end_where_it_meets_another_one() -> None:
     assert lacking(is_refuted, stands=np.roll(crossing, 4, axis=0))[9, 10]
 
 
-def refute(is_refuted: BoolArray, closed: BoolArray | None = None) -> None:
-    """Refute walls for room where nothing stands, nor may but in cells that are closed."""
+def refute(is_refuted: BoolArray, closed: BoolArray | None = None, *, along: bool = True) -> None:
+    """Refute walls for room where nothing stands, nor may but in cells that are closed.
+
+    Those along the usual direction are asked for or not.
+    """
     empty = np.zeros((60, 60), bool)
     silence: Any = SimpleNamespace(
         kinds=np.zeros((KINDS, 3)), long_and_short=ALL_LONG, refuted=REFUTED
     )
     refute_for_room(
-        is_refuted, np.zeros((60, 60, GROUPS), np.float32), np.ones((2, 60, 60), bool),
+        is_refuted, np.zeros((60, 60, GROUPS), np.float32), np.array([~empty & along, ~empty]),
         Walls(empty, empty, empty, NO_LINES, NO_LINES), empty if closed is None else closed,
         silence, ANY_WIDTH_M,
     )  # fmt: skip
@@ -251,6 +255,16 @@ def test_a_wall_may_end_where_something_may_stand(*, may_stand: bool) -> None:
     closed[26, 10] = may_stand
     refute(is_refuted, closed)
     assert is_refuted[18, 10, ALONG] != may_stand
+
+
+@pytest.mark.parametrize("along", [False, True])
+def test_room_refutes_walls_that_are_asked_for(*, along: bool) -> None:
+    is_refuted = np.zeros((60, 60, GROUPS), bool)
+    is_refuted[:, :, [ALONG, ACROSS]] = gap_of(17)[:, :, np.newaxis]
+    assert not is_refuted[18, 10].any()
+    refute(is_refuted, along=along)
+    assert is_refuted[18, 10, ALONG] == along
+    assert is_refuted[18, 10, ACROSS]
 
 
 @pytest.mark.parametrize("width", [1, 3])

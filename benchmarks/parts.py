@@ -15,7 +15,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.mapping.joint import estimate
+from usmap_ros.mapping.joint import estimate, sensors
 from usmap_ros.mapping.joint.free_space import (
     behind,
     continuations,
@@ -203,6 +203,10 @@ PARTS = {
         "echoes as loud as mirrors' let sound through",
         ((free_space, "end_rays", lambda *given: None),),
     ),
+    "recesses": Part(
+        "no side of a recess is shorter than walls are", ((rounds, "may_be_short", _none_like(3)),)
+    ),
+    "floors": Part("floors are things", ((sensors, "clutter_of", lambda cones: {}),)),
     "slits": Part("slits may be free", ((rounds, "without_slits", lambda free, *given: free),)),
     "connected": Part(
         "free without a way there", ((free_space, "led_to", lambda free, *given: free),)

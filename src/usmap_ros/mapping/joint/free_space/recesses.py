@@ -4,7 +4,11 @@ import math
 
 import numpy as np
 
-from usmap_ros.mapping.joint.free_space.usual_directions import ONE_SIDE_M, ONE_SIDE_RAD
+from usmap_ros.mapping.joint.free_space.usual_directions import (
+    ONE_SIDE_M,
+    ONE_SIDE_RAD,
+    face_one_way,
+)
 from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -61,9 +65,5 @@ def _behind_m(wall: MirrorWall, places_m: FloatArray) -> FloatArray:
 
 def _steps_m(wall: MirrorWall, mirrors: list[MirrorWall]) -> list[float]:
     """How far behind a wall others stand that face as it does, and no farther than recesses go."""
-    steps_m = [
-        other.distance_m - wall.distance_m
-        for other in mirrors
-        if math.cos(other.normal_rad - wall.normal_rad) > math.cos(ONE_SIDE_RAD)
-    ]
+    steps_m = [other.distance_m - wall.distance_m for other in mirrors if face_one_way(wall, other)]
     return [step_m for step_m in steps_m if ONE_SIDE_M < step_m < DEEPEST_M]

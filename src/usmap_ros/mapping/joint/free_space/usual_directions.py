@@ -168,8 +168,12 @@ def _is_of_one_side(wall: MirrorWall, other: MirrorWall) -> bool:
     turned_rad = wall.normal_rad - other.normal_rad
     middle_m = 0.5 * (wall.begin_m + wall.end_m)
     ahead_m = wall.distance_m * math.cos(turned_rad) - middle_m * math.sin(turned_rad)
-    is_near = abs(ahead_m - other.distance_m) < ONE_SIDE_M
-    return is_near and math.cos(turned_rad) > math.cos(ONE_SIDE_RAD)
+    return abs(ahead_m - other.distance_m) < ONE_SIDE_M and face_one_way(wall, other)
+
+
+def face_one_way(wall: MirrorWall, other: MirrorWall) -> bool:
+    """Whether two mirrors face the same way, or nearly so."""
+    return math.cos(wall.normal_rad - other.normal_rad) > math.cos(ONE_SIDE_RAD)
 
 
 def widest_gap_m(found: int) -> float:

@@ -49,6 +49,11 @@ class Agreement:
     #: in range: log-likelihood for a range bin, the median of the pings.
     fit: float | None
 
+    @property
+    def gain(self) -> float:
+        """The same of all of them: who looks elsewhere may fit what little is expected there."""
+        return self.pings * (self.fit or 0.0)
+
 
 def agreement(expected: Sequence[Expected]) -> Agreement:
     """Compare pings with what was expected of them."""

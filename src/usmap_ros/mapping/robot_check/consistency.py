@@ -25,6 +25,7 @@ from usmap_ros.mapping.robot_check.comparison import (
     LEAST_ROBOTS_LEFT,
     RobotComparison,
 )
+from usmap_ros.mapping.robot_check.confirmation import is_there
 from usmap_ros.mapping.robot_check.displacement import Robot, displaced
 from usmap_ros.mapping.robot_check.echo_health import (
     EchoHealth,
@@ -134,11 +135,11 @@ class Consistency:
         found |= _by_themselves({name: own for name, own in sources.items() if name not in found})
         latest = {t: robot.latest() for t, robot in robots.items() if t not in found}
         heard = _heard(latest)
-        found |= displaced(heard)
+        found |= self._confirmed(displaced(heard), heard, robots)
         judged = {topic: own for topic, own in heard.items() if topic not in found}
         before = {topic: sources.get(topic + EARLIER_PINGS, []) for topic in judged}
         pairs = RobotPairs(judged, lambda: _heard(before))
-        moved = shifted(pairs)
+        moved = self._confirmed(shifted(pairs), judged, robots)
         found |= {topic: finding for topic, finding in moved.items() if finding.is_suspect}
         while True:
             left = {name: cones for name, cones in sources.items() if name not in found}
@@ -159,6 +160,22 @@ class Consistency:
             if not named:
                 return self._of_robots(_cleared(screened) | moved | found)
             found |= named
+
+    def _confirmed(
+        self, accused: Mapping[str, Finding], among: Iterable[str], robots: Mapping[str, _Robot]
+    ) -> dict[str, Finding]:
+        """The same, without suspects who are where they say by the map of those not accused."""
+        others = {topic: list(robots[topic].cones) for topic in among if topic not in accused}
+
+        def is_wrong(topic: str, finding: Finding) -> bool:
+            cones = robots[topic].latest()
+            return not is_there(cones, others, self._parameters, finding)
+
+        return {
+            topic: finding
+            for topic, finding in accused.items()
+            if not finding.is_suspect or is_wrong(topic, finding)
+        }
 
     def _alike(self) -> dict[str, _Robot]:
         """Robots without what is wrong with all of them: none is to be blamed for that."""

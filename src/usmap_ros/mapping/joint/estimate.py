@@ -37,6 +37,7 @@ from usmap_ros.mapping.joint.witnesses import (
     HALVES,
     LEAST_WITNESSES,
     MutualEvidence,
+    agreed_on,
     credit,
     halves_of,
     mostly_there,
@@ -180,18 +181,21 @@ class JointEstimate:
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
         weighed, part, count = self.weighed, halves_of(sources, names), HALVES * len(names)
-        places_m, mirrored = self.table.numbers[self.pings][:, [X, Y]], self._smooth.mirrored
+        known = self._smooth.recognised
+        agreed = agreed_on([*known.mirrors, *known.columns], part, len(names))
+        places_m, mirrored = self.table.numbers[self.pings][:, [X, Y]], known.mirrored
         if mirrored:
             # Who stands among mirrors denies what is behind them: that is no contradiction.
             part += count * mostly_there(part // HALVES, any_holds(mirrored, places_m))
         apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
-        known = self._smooth.recognised
         columns = [*known.columns, *known.suspected]
         said = [
             mutual_evidence(weighed.number, apart[first : first + count], self.field, columns)
             for first in range(0, len(apart), count)
         ]
-        return dict(zip(names, credit(MutualEvidence(*np.sum(said, axis=0))), strict=True))
+        of_cells, contradicted = np.sum(said, axis=0)
+        left = credit(MutualEvidence(of_cells + agreed, contradicted))
+        return dict(zip(names, left, strict=True))
 
     @property
     def power(self) -> NDArray[np.float32]:

@@ -9,13 +9,14 @@ not told, and both are believed.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.log_odds import over_block, strength_of
+from usmap_ros.mapping.joint.surfaces.mirrors import MirrorWall
 from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn, discs
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -44,6 +45,11 @@ TINY = 1e-9
 MOSTLY = 0.8
 #: Within this distance of a column what is heard may be of it, m.
 BESIDE_M = 0.15
+
+
+#: Evidence of a ping for a smooth thing that it hears just where it is: echoes are as near to it as
+#: a twentieth of where else they may be.
+OF_A_HIT = 3.0
 
 
 class MutualEvidence(NamedTuple):
@@ -135,6 +141,29 @@ def mutual_evidence(
             against = sum(denied for _, denied in said_both)
             contradicted[row, column] = contradicted[column, row] = against
     return MutualEvidence(agreed, contradicted)
+
+
+def agreed_on(
+    things: Iterable[MirrorWall | RoundColumn], part: NDArray[np.int64], robots: int
+) -> FloatArray:
+    """What robots agree on by hearing the same smooth things, as in `MutualEvidence`.
+
+    Parameters
+    ----------
+    things : iterable of MirrorWall or RoundColumn
+        Of which cells tell nothing.
+    part : (pings,) integer array
+        By `halves_of`.
+    robots : int
+        How many there are.
+    """
+    agreed = np.zeros((robots, robots))
+    for thing in things:
+        hits = np.bincount(part[thing.pings], minlength=HALVES * robots).reshape(robots, HALVES)
+        both = np.minimum.outer(hits.sum(axis=1), hits.sum(axis=1))
+        np.fill_diagonal(both, hits.min(axis=1))
+        agreed += OF_A_HIT * both
+    return agreed
 
 
 def _claims(

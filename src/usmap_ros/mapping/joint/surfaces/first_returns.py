@@ -21,9 +21,11 @@ from usmap_ros.numerics.geometry import wrapped
 LEAST_ASLANT_RAD, MOST_OFF_RAD = math.radians(8.0), math.radians(75.0)
 #: How near the first return must be to the wall, and how far beyond its ends a wall may go on, m.
 NEAR_M, BEYOND_M = 0.06, 0.3
-#: Share of looks aslant that hear a wall below which walls are mirrors.  Simulated rough walls, and
-#: those of light, have 0.71 to 0.96, smooth ones 0.45 to 0.62, sonars in a real corridor 0.2.
-MOST_MIRRORED = 0.67
+#: Shares of looks aslant that hear a wall at the edge of the beam, and before half of the way to
+#: where its axis meets it, below both of which walls are mirrors.  Of 110 recordings of first
+#: echoes, 66 among rough walls, the former alone tells 94 %: rough walls have 0.44 to 0.9, smooth
+#: ones 0.1 to 0.65.  Where the edge is not where it is said to be the latter is 0.9 and more.
+MOST_AT_EDGE, MOST_MIRRORED = 0.47, 0.87
 
 
 def answer_as_mirrors(
@@ -46,17 +48,16 @@ def answer_as_mirrors(
     nearest_m = np.full(len(pings), np.inf)
     has_any = np.diff(echoes.start) > 0
     nearest_m[has_any] = echoes.range_m[echoes.start[:-1][has_any]]
-    if not walls:
-        return False
-    shares = []
+    looks = at_edge = before_half = 0.0
     for wall in walls:
         is_looking, near_m, far_m = _aslant(wall, numbers)
         is_looking &= nearest_m > near_m - NEAR_M
-        heard = np.count_nonzero(is_looking & (nearest_m < 0.5 * (near_m + far_m) + NEAR_M))
-        shares.append((heard + 1.0) / (np.count_nonzero(is_looking) + 2.0))
-    # What few hits make up to a wall is often none.
-    hits = [len(wall.pings) for wall in walls]
-    return float(np.average(shares, weights=hits)) < MOST_MIRRORED
+        looks += float(is_looking.sum())
+        at_edge += float((is_looking & (nearest_m < near_m + NEAR_M)).sum())
+        half_m = 0.5 * (near_m + far_m)
+        before_half += float((is_looking & (nearest_m < half_m + NEAR_M)).sum())
+    is_mirror = at_edge + 1.0 < MOST_AT_EDGE * (looks + 2.0)
+    return bool(walls) and is_mirror and before_half + 1.0 < MOST_MIRRORED * (looks + 2.0)
 
 
 def _aslant(wall: MirrorWall, numbers: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:

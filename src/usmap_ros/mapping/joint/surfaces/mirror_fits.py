@@ -56,6 +56,8 @@ class MirrorSearch(NamedTuple):
     echoes: Echoes
     #: (echoes,) bool array: whether a mirror may explain an echo.
     is_open: BoolArray
+    #: (pings,) bool array: of sensors that report the first thing only, and not how loud it was.
+    first_only: BoolArray
     #: Amplitude reflectivities that a mirror may have.
     faintest: float
     loudest: float
@@ -124,7 +126,8 @@ def _vote(search: MirrorSearch, reach_m: float, votes: NDArray[np.int32]) -> Non
                 if abs(off) > VOTING_SHARE * numbers[HALF_ANGLE]:
                     continue
                 gain = max(amplitude_gain(table, pings[index], off), LEAST_GAIN)
-                if level < search.faintest * gain or level > search.loudest * gain:
+                is_alike = search.faintest * gain <= level <= search.loudest * gain
+                if not (is_alike or search.first_only[index]):
                     continue
                 foot = numbers[X] * math.cos(normal) + numbers[Y] * math.sin(normal)
                 k = int((foot + range_m + reach_m) / STEP_M)
@@ -193,10 +196,10 @@ def _feet(search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_
     for index in range(count):
         numbers = table.numbers[pings[index]]
         across = distance_m - (numbers[X] * cosine + numbers[Y] * sine)
-        least = numbers[LEAST_RANGE] + WITHIN_LEAST_M
-        greatest = numbers[GREATEST_RANGE] - WITHIN_GREATEST_M
+        nearest_m = numbers[LEAST_RANGE] + WITHIN_LEAST_M
+        greatest_m = numbers[GREATEST_RANGE] - WITHIN_GREATEST_M
         off = off_axis(table, pings[index], normal_rad)
-        if across <= least or across >= greatest:
+        if across <= nearest_m or across >= greatest_m:
             continue
         if abs(off) >= LOOKING_SHARE * numbers[HALF_ANGLE]:
             continue
@@ -204,7 +207,8 @@ def _feet(search: MirrorSearch, normal_rad: float, distance_m: float, tolerance_
         nearest, mirror = _nearest_echo(search, index, across, tolerance_m, gain)
         b = int((across - numbers[LEAST_RANGE]) / numbers[BIN_M])
         limit = math.sqrt(table.limit[pings[index], min(b, table.bins[pings[index]] - 1)])
-        faintest = search.faintest * gain * math.exp(-0.5 * numbers[ABSORPTION] * across)
+        least = _usual(search) if search.first_only[index] else search.faintest
+        faintest = least * gain * math.exp(-0.5 * numbers[ABSORPTION] * across)
         if nearest >= 0 or faintest / (2.0 * across) > LOUD * limit:
             along_m[seen] = numbers[Y] * cosine - numbers[X] * sine
             ping[seen], echo[seen], log_mirror[seen] = index, nearest, math.log(mirror)
@@ -227,9 +231,17 @@ def _nearest_echo(
         range_m = echoes.range_m[echo]
         decay = gain * math.exp(-0.5 * numbers[ABSORPTION] * range_m)
         told = 2.0 * echoes.amplitude[echo] * range_m / decay
+        if search.first_only[index]:
+            told = _usual(search)
         if search.faintest < told < search.loudest:
             nearest_m, nearest, mirror = away_m, echo, told
     return nearest, mirror
+
+
+@inlined
+def _usual(search: MirrorSearch) -> float:
+    """Reflectivity that a mirror is taken to have where ranges alone are known."""
+    return math.sqrt(search.faintest * search.loudest)
 
 
 @inlined

@@ -102,7 +102,7 @@ def mirror_walls(
     if usual is None:
         return []
     faintest, loudest = math.exp(usual - BAND), math.exp(usual + BAND)
-    search = MirrorSearch(table, pings, echoes, is_usable, faintest, loudest)
+    search = MirrorSearch(table, pings, echoes, is_usable, first_only, faintest, loudest)
     walls = _likelier_than_points(
         seen_directly(without_doubles(found_mirrors(search, ANY)), places_m)
     )
@@ -241,7 +241,7 @@ def mirror_search(
         means, if not ranges alone are known.
     """
     limits = _loudness(table, pings, echoes, is_open, first_only, faintest)
-    return MirrorSearch(table, pings, echoes, is_open, *limits)
+    return MirrorSearch(table, pings, echoes, is_open, first_only, *limits)
 
 
 def _loudness(

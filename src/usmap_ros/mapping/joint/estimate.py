@@ -180,13 +180,14 @@ class JointEstimate:
         names = sorted(set(sources))
         if len(names) < LEAST_WITNESSES:
             return dict.fromkeys(names, 1.0)
-        weighed, part, count = self.weighed, halves_of(sources, names), HALVES * len(names)
+        weighed, half, count = self.weighed, halves_of(sources, names), HALVES * len(names)
         known = self._smooth.recognised
-        agreed = agreed_on([*known.mirrors, *known.columns], part, len(names))
+        agreed = agreed_on([*known.mirrors, *known.columns], half, len(names))
         places_m, mirrored = self.table.numbers[self.pings][:, [X, Y]], known.mirrored
+        part = half
         if mirrored:
             # Who stands among mirrors denies what is behind them: that is no contradiction.
-            part += count * mostly_there(part // HALVES, any_holds(mirrored, places_m))
+            part = half + count * mostly_there(half // HALVES, any_holds(mirrored, places_m))
         apart = weighed.evidence_of_parts(part, count * (2 if mirrored else 1))
         columns = [*known.columns, *known.suspected]
         said = [
@@ -194,6 +195,10 @@ class JointEstimate:
             for first in range(0, len(apart), count)
         ]
         of_cells, contradicted = np.sum(said, axis=0)
+        if known.mirrors:
+            # What they hear aslant of mirrors is what stands behind them, or elsewhere.
+            counts = np.bincount(half // HALVES, ~self._first_only, len(names)) > 0.0
+            contradicted *= np.logical_and.outer(counts, counts)
         left = credit(MutualEvidence(of_cells + agreed, contradicted))
         return dict(zip(names, left, strict=True))
 

@@ -131,8 +131,10 @@ class SmoothSurfaces:
             is_usable[column.echoes] &= not column.is_certain
         self.panes = self._panes_elsewhere(found, is_explained, is_usable, first_only)
         certain = sum(column.is_certain for column in columns)
+        # Where mirrors were struck lone cells seem to be.
+        may_be = left_of(is_usable, found)
         instead = columns_instead(
-            ping_set, is_usable & ~is_explained, is_usable, lone_cells_m, certain
+            ping_set, is_usable & ~is_explained, may_be, lone_cells_m, certain
         )
         instead = _but_corners(instead, found)
         columns = [

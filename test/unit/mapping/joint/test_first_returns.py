@@ -75,3 +75,48 @@ def test_all_is_free_before_a_mirror_whose_echoes_came_from_ways_side_by_side() 
     left, right = (int((x_m - geometry.origin_m[0]) / geometry.resolution_m) for x_m in (0.3, 3.2))
     low, high = (int((y_m - geometry.origin_m[1]) / geometry.resolution_m) for y_m in (0.2, 1.3))
     assert (occupancy.trinary()[low:high, left:right] == 0).mean() > 0.9
+
+
+def test_a_wall_is_one_whatever_its_distance() -> None:
+    """Readings do not say how loud: what was made up for that left near and far ones out."""
+    cones = []
+    for number in range(40):
+        place_m = 0.05 * number
+        reading = RangeReading(
+            1_000_000 * number,
+            "sensor",
+            2.0 * HALF_ANGLE_RAD,
+            0.02,
+            GREATEST_M,
+            0.4 + 0.08 * number,
+        )
+        # Along a way that leads away from the wall.
+        cones.append(
+            reading.cone(Pose.planar(place_m, WALL_M - 0.4 - 0.08 * number, YAWS_RAD[0]), "map")
+        )
+    table, rows, _, echoes = kept_pings({"robot": cones}, MappingParameters()).pings()[:4]
+    every = np.ones(len(echoes.range_m), bool)
+    (wall,) = perpendicular_walls(table, rows, echoes, every, np.ones(len(rows), bool))
+    assert len(wall.pings) == len(cones)
+    assert wall.distance_m == pytest.approx(WALL_M, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("share", "farther", "is_mirror"),
+    [
+        pytest.param(0.3, 1.4, True, id="other things are heard now and then"),
+        pytest.param(0.8, 1.4, False, id="most hear the wall"),
+        pytest.param(0.0, 1.15, False, id="the beam is narrower than it is said to be"),
+    ],
+)
+def test_rough_walls_are_heard_at_the_edge_of_the_beam(
+    share: float, farther: float, is_mirror: bool
+) -> None:
+    cones = readings_along_a_wall(is_mirror=False)
+    for number in range(1, len(cones), 2):
+        if number // 2 % 10 >= 10 * share:
+            cones[number] = RangeReading(
+                cones[number].stamp_ns, "sensor1", 2.0 * HALF_ANGLE_RAD, 0.02, GREATEST_M,
+                farther * float(cones[number].ranges_m[0]),
+            ).cone(cones[number].pose, "map")  # fmt: skip
+    assert walls_of(cones)[1] is is_mirror

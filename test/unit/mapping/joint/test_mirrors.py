@@ -98,7 +98,8 @@ def test_a_line_of_which_no_more_is_heard_than_beside_it_is_no_mirror(
     table, rows, _, echoes = kept_pings({"robot": busy}, MappingParameters()).pings()[:4]
     of_mirror = math.exp(wall.log_mirror)
     usable = np.ones(len(echoes.range_m), bool)
-    search = MirrorSearch(table, rows, echoes, usable, 0.7 * of_mirror, 1.4 * of_mirror)
+    limits = 0.7 * of_mirror, 1.4 * of_mirror
+    search = MirrorSearch(table, rows, echoes, usable, np.zeros(len(rows), bool), *limits)
     assert stands_out(search, wall) == does_stand_out
 
 

@@ -10,7 +10,9 @@ from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.surfaces.round_column import RoundColumn
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.witnesses import (
+    OF_A_HIT,
     MutualEvidence,
+    agreed_on,
     credit,
     mostly_there,
     mutual_evidence,
@@ -98,6 +100,18 @@ def test_what_is_heard_beside_a_cell_bears_it_out_and_silence_denies_it() -> Non
     assert agreed[0, 1] == agreed[1, 0] == pytest.approx(8.0)
     assert contradicted[0, 1] == contradicted[1, 0] == pytest.approx(5.0)
     assert np.diag(agreed).tolist() == np.diag(contradicted).tolist() == [0.0, 0.0]
+
+
+def test_who_hear_the_same_smooth_things_agree() -> None:
+    """Cells tell nothing of what mirrors return, so that nobody bore out a robot among them."""
+    # Halves of two robots' pings.
+    part = np.array([0, 0, 0, 1, 2, 2, 3, 3])
+    column = RoundColumn(0.0, 0.0, 0.2, np.array([0, 1, 3, 4, 6]), np.arange(5), is_certain=True)
+    alone = replace(column, pings=np.array([4, 5, 7]))
+
+    agreed = agreed_on([column, alone], part, 2)
+
+    assert agreed / OF_A_HIT == pytest.approx(np.array([[1.0, 2.0], [2.0, 1.0 + 1.0]]))
 
 
 def test_who_stand_on_two_sides_of_a_column_need_not_agree() -> None:

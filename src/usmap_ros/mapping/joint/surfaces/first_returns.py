@@ -26,6 +26,9 @@ NEAR_M, BEYOND_M = 0.06, 0.3
 #: echoes, 66 among rough walls, the former alone tells 94 %: rough walls have 0.44 to 0.9, smooth
 #: ones 0.1 to 0.65.  Where the edge is not where it is said to be the latter is 0.9 and more.
 MOST_AT_EDGE, MOST_MIRRORED = 0.47, 0.87
+#: Looks aslant that count before there are any, and how many of them hear a wall: where nobody
+#: looks aslant walls may be mirrors.
+LOOKS_BEFORE, HEARD_BEFORE = 2.0, 0.8
 
 
 def answer_as_mirrors(
@@ -48,7 +51,7 @@ def answer_as_mirrors(
     nearest_m = np.full(len(pings), np.inf)
     has_any = np.diff(echoes.start) > 0
     nearest_m[has_any] = echoes.range_m[echoes.start[:-1][has_any]]
-    looks = at_edge = before_half = 0.0
+    looks, at_edge, before_half = LOOKS_BEFORE, HEARD_BEFORE, HEARD_BEFORE
     for wall in walls:
         is_looking, near_m, far_m = _aslant(wall, numbers)
         is_looking &= nearest_m > near_m - NEAR_M
@@ -56,8 +59,8 @@ def answer_as_mirrors(
         at_edge += float((is_looking & (nearest_m < near_m + NEAR_M)).sum())
         half_m = 0.5 * (near_m + far_m)
         before_half += float((is_looking & (nearest_m < half_m + NEAR_M)).sum())
-    is_mirror = at_edge + 1.0 < MOST_AT_EDGE * (looks + 2.0)
-    return bool(walls) and is_mirror and before_half + 1.0 < MOST_MIRRORED * (looks + 2.0)
+    is_mirror = at_edge < MOST_AT_EDGE * looks and before_half < MOST_MIRRORED * looks
+    return bool(walls) and is_mirror
 
 
 def _aslant(wall: MirrorWall, numbers: FloatArray) -> tuple[BoolArray, FloatArray, FloatArray]:

@@ -45,8 +45,6 @@ TINY = 1e-9
 MOSTLY = 0.8
 #: Within this distance of a column what is heard may be of it, m.
 BESIDE_M = 0.15
-
-
 #: Evidence of a ping for a smooth thing that it hears just where it is: echoes are as near to it as
 #: a twentieth of where else they may be.
 OF_A_HIT = 3.0

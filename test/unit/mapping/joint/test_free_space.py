@@ -8,7 +8,15 @@ import pytest
 from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.free_space.connected import connected, led_to, without_slits
-from usmap_ros.mapping.joint.free_space.kinds import GROUPS, MIRRORS, ORIENTATIONS, OTHERS, ROUND
+from usmap_ros.mapping.joint.free_space.kinds import (
+    FAINTER,
+    GROUPS,
+    KINDS,
+    MIRRORS,
+    ORIENTATIONS,
+    OTHERS,
+    ROUND,
+)
 from usmap_ros.mapping.joint.free_space.listening import (
     TRUSTED,
     listening_beside,
@@ -144,7 +152,42 @@ def nothing_heard(table: PingTable) -> HeardBins:
     """All pings are silent."""
     silent = np.zeros(table.kind.shape, np.uint8)
     never = silent.astype(np.float32)
-    return HeardBins(silent, never, never, np.full(silent.shape, 1e-4, np.float32))
+    limit = np.full(silent.shape, 1e-4, np.float32)
+    return HeardBins(silent, never, never, limit, np.full(len(silent), FAINTER))
+
+
+@pytest.mark.parametrize("fainter", [0, FAINTER])
+def test_silence_refutes_what_is_round_as_it_does_what_is_so_much_louder(
+    fainter: int, make_cone: Callable[..., EchoCone]
+) -> None:
+    """Who reports ranges alone hears a column nearby as surely as a wall."""
+    kept = KeptPings(MappingParameters())
+    kept.add(make_cone(), "robot")
+    table, rows, _ = kept.pings()[:3]
+    field = field_around(table, rows, RESOLUTION_M)
+    wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
+    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    listening = nothing_heard(table)
+    listening.fainter[:] = fainter
+    # The fainter something is the less its silence says.
+    log_silent = np.repeat(-0.1 * np.arange(LOUDNESSES)[:, np.newaxis], INCIDENCES, axis=1)
+    kinds = np.full((KINDS, 3), [0.0, NEVER, OTHERS])
+    kinds[ROUND, 1] = 0.0
+
+    def told(those: np.ndarray) -> float:
+        worst = np.zeros((*field.shape, GROUPS), np.float32)
+        refute_surfaces(
+            table, rows, field, left, listening, log_silent, 9.0, those,
+            np.zeros(field.shape, np.float32), np.ones(field.shape, bool), wanted,
+            everything(len(rows)), worst,
+        )  # fmt: skip
+        return float(worst[wanted][0, OTHERS])
+
+    flat = kinds.copy()
+    flat[0], flat[ROUND, 1] = (0.0, 0.0, OTHERS), NEVER
+    fainter_by = told(kinds) - told(flat)
+    assert (fainter_by > 0.2) is (fainter > 0)
+    assert told(kinds) < -0.1
 
 
 def test_echoes_of_what_is_estimated_elsewhere_speak_for_little(
@@ -196,11 +239,18 @@ def test_estimates_that_are_not_shown_make_echoes_likely_elsewhere(
     powers.start()
     powers.sweep(10)
     nothing = np.zeros(field.shape, bool)
-    listening = listening_beside(
-        Walls(nothing, nothing, nothing, NO_LINES, NO_LINES),
-        SmoothSurfaces(pings.table, pings.rows, pings.echoes, field), powers,
-        pings.table.numbers[pings.rows], pings.rows, pings.first_only, RESOLUTION_M, TRUSTED,
-    )  # fmt: skip
+
+    def listen(first_only: bool) -> HeardBins:
+        return listening_beside(
+            Walls(nothing, nothing, nothing, NO_LINES, NO_LINES),
+            SmoothSurfaces(pings.table, pings.rows, pings.echoes, field), powers,
+            pings.table.numbers[pings.rows], pings.rows, np.full(len(pings.rows), first_only),
+            RESOLUTION_M, TRUSTED,
+        )  # fmt: skip
+
+    listening = listen(first_only=False)
+    assert (listening.fainter == FAINTER).all()
+    assert not listen(first_only=True).fainter.any()
     is_echo = pings.table.kind[pings.rows] == ECHO
     assert listening.chance[is_echo].max() < 0.1
     assert listening.likely[is_echo] == pytest.approx(TRUSTED)

@@ -43,7 +43,8 @@ def listening_to(table: PingTable, rows: NDArray[np.int64], chance: float) -> He
     """What was heard, every echo of it being so likely by what stands."""
     is_echo = table.kind[rows] == ECHO
     chances = np.where(is_echo, chance, 0.0).astype(np.float32)
-    return HeardBins(is_echo.astype(np.uint8), chances, chances, np.ones_like(chances))
+    every, none = np.ones_like(chances), np.zeros(len(chances), np.int64)
+    return HeardBins(is_echo.astype(np.uint8), chances, chances, every, none)
 
 
 def test_rays_are_open_that_end_at_nothing_and_whose_ping_heard_nothing_unknown(

@@ -59,7 +59,7 @@ def listening_beside(
     expected = powers.expected_of(over_block(walls.shown).ravel())
     reach = max(1, round(LISTENING_CELLS * resolution_m / float(np.median(numbers[:, BIN_M]))))
     listening = listen(smooth.put_back(expected), pings, expected, reach)
-    _fade(listening.limit, numbers, first_only)
+    _fade(listening, numbers, first_only)
     if not trusted:
         return listening
     # What smooth things return is added to it.
@@ -98,12 +98,14 @@ def scattering(powers: Powers) -> BoolArray:
     return over_block(powers.of_cells > SCATTERS * powers.limits.least)
 
 
-def _fade(limit: NDArray[np.float32], numbers: FloatArray, first_only: BoolArray) -> None:
+def _fade(listening: HeardBins, numbers: FloatArray, first_only: BoolArray) -> None:
     """Let what is far be fainter to sensors that report the first thing only.
 
-    They do not say how loud things are: a surface that is sure to be heard nearby may be too faint
-    far away.  Where it is not, that is learnt.
+    They do not say how loud things are: a surface that is sure to be heard nearby, round or not,
+    may be too faint far away.  Where it is not, that is learnt.
     """
+    limit = listening.limit
+    listening.fainter[first_only] = 0
     those = numbers[first_only]
     bins = np.arange(limit.shape[1]) + 0.5
     ranges_m = those[:, LEAST_RANGE, np.newaxis] + those[:, BIN_M, np.newaxis] * bins

@@ -16,7 +16,6 @@ from usmap_ros.mapping.joint.free_space.blocks import (
     middle_of,
 )
 from usmap_ros.mapping.joint.free_space.kinds import (
-    FAINTER,
     KINDS,
     MIRRORS,
     ORIENTATIONS,
@@ -174,7 +173,7 @@ def _add_said(  # noqa: PLR0913, PLR0917 - a kernel takes arrays
             np.uint64(seen.sector[place]), np.uint64(seen.degrees[place]),
         )  # fmt: skip
         share, loud = np.uint64(seen.sound[place] * SHARES + 0.5), np.uint64(seen.loud[place])
-        faint = np.uint64(max(0, seen.loud[place] - FAINTER))
+        faint = np.uint64(max(0, seen.loud[place] - listening.fainter[index]))
         if not listening.heard[index, b]:
             for way in range(ways):
                 said[cell, sector, way] += silence[share, loud, 1, classes[view, way]]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.free_space.fading import kept_up, over_square
+from usmap_ros.mapping.joint.free_space.kinds import FAINTER
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.joint.visibility.soundings import (
     INCIDENCES,
@@ -74,7 +75,7 @@ class SurfaceViews(NamedTuple):
 
 
 class HeardBins(NamedTuple):
-    """What was heard of each range bin, for silence: (pings, bins) arrays."""
+    """What was heard of each range bin, for silence: (pings, bins) arrays, but for the last."""
 
     #: 1 if there was an echo within three quarters of a cell.
     heard: NDArray[np.uint8]
@@ -84,6 +85,9 @@ class HeardBins(NamedTuple):
     likely: NDArray[np.float32]
     #: Power that would have been reported.
     limit: NDArray[np.float32]
+    #: (pings,) array: by how many steps of loudness something round is fainter to each ping than
+    #: what is flat and struck squarely.
+    fainter: NDArray[np.int64]
 
 
 @compiled
@@ -123,7 +127,7 @@ def listen(
                 share = min(MOST_EXPLAINED, explained / EXPLAINED_SHARE)
                 chance[index, b] = max(1.0 - quiet, share)
             limit[index, b] = floor if heard[index, b] else math.exp(logs / (end - first))
-    return HeardBins(heard, chance, chance, limit)
+    return HeardBins(heard, chance, chance, limit, np.full(len(pings), FAINTER))
 
 
 def look_at(

@@ -5,10 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from usmap_ros.mapping.joint.estimate import ROUNDS, JointEstimate
 from usmap_ros.mapping.joint.fusion import JointFusion
+from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.first_returns import answer_as_mirrors
 from usmap_ros.mapping.joint.surfaces.mirror_walls import perpendicular_walls
+from usmap_ros.mapping.joint.visibility.field import field_around
+from usmap_ros.mapping.joint.witnesses import MutualEvidence
 from usmap_ros.numerics.geometry import Pose
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -120,3 +124,31 @@ def test_rough_walls_are_heard_at_the_edge_of_the_beam(
                 farther * float(cones[number].ranges_m[0]),
             ).cone(cones[number].pose, "map")  # fmt: skip
     assert walls_of(cones)[1] is is_mirror
+
+
+@pytest.mark.parametrize("is_mirror", [True, False])
+def test_among_mirrors_nobody_is_doubted_for_what_is_heard_aslant(
+    is_mirror: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two agree, and deny what a third one says: of two of nine healthy robots nothing was left."""
+    cones, names = readings_along_a_wall(is_mirror), ("first", "second", "third")
+    kept = KeptPings(MappingParameters())
+    for number, cone in enumerate(cones):
+        kept.add(cone, names[number // 2 % 3])
+    pings = kept.pings()
+    field = field_around(pings.table, pings.rows, MappingParameters().resolution_m)
+    estimate = JointEstimate(
+        pings.table, pings.rows, pings.weights, pings.echoes, field, first_only=pings.first_only
+    )
+    estimate.estimate_powers(ROUNDS)
+    estimate.estimate_walls()
+    agreed, contradicted = np.zeros((3, 3)), np.zeros((3, 3))
+    agreed[0, 1] = agreed[1, 0] = 900.0
+    contradicted[2, :2] = contradicted[:2, 2] = 900.0
+    said = MutualEvidence(agreed, contradicted)
+    monkeypatch.setattr("usmap_ros.mapping.joint.estimate.mutual_evidence", lambda *_: said)
+
+    credit = estimate.credit(pings.sources)
+
+    assert credit["first"] == credit["second"] == 1.0
+    assert credit["third"] == (1.0 if is_mirror else 0.0)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from usmap_ros.mapping.joint.forward_model.power_estimation import power_limits
 from usmap_ros.mapping.joint.forward_model.powers import Powers
@@ -32,7 +33,7 @@ from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.surfaces.lines import NO_LINES
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
 from usmap_ros.mapping.joint.surfaces.walls import Walls
-from usmap_ros.mapping.joint.visibility.field import field_around
+from usmap_ros.mapping.joint.visibility.field import Field, field_around
 from usmap_ros.mapping.joint.visibility.open_ways import PROVING_SHARE, prove_open
 from usmap_ros.mapping.joint.visibility.ray_casting import (
     RAYS,
@@ -44,6 +45,7 @@ from usmap_ros.mapping.joint.visibility.ray_casting import (
 from usmap_ros.mapping.joint.visibility.soundings import INCIDENCES, LOUDNESSES
 from usmap_ros.mapping.ping_bins import ECHO
 from usmap_ros.mapping.ping_table import BIN_M, PingTable
+from usmap_ros.numerics.arrays import BoolArray
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
@@ -156,17 +158,24 @@ def nothing_heard(table: PingTable) -> HeardBins:
     return HeardBins(silent, never, never, limit, np.full(len(silent), FAINTER))
 
 
-@pytest.mark.parametrize("fainter", [0, FAINTER])
-def test_silence_refutes_what_is_round_as_it_does_what_is_so_much_louder(
-    fainter: int, make_cone: Callable[..., EchoCone]
-) -> None:
-    """Who reports ranges alone hears a column nearby as surely as a wall."""
+def one_ping_at_a_cell(
+    make_cone: Callable[..., EchoCone],
+) -> tuple[PingTable, NDArray[np.int64], Field, BoolArray, NDArray[np.uint8]]:
+    """A ping, its row, its field, a cell a metre ahead, and all of its sound."""
     kept = KeptPings(MappingParameters())
     kept.add(make_cone(), "robot")
     table, rows, _ = kept.pings()[:3]
     field = field_around(table, rows, RESOLUTION_M)
     wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
-    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    return table, rows, field, wanted, np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+
+
+@pytest.mark.parametrize("fainter", [0, FAINTER])
+def test_silence_refutes_what_is_round_as_it_does_what_is_so_much_louder(
+    fainter: int, make_cone: Callable[..., EchoCone]
+) -> None:
+    """Who reports ranges alone hears a column nearby as surely as a wall."""
+    table, rows, field, wanted, left = one_ping_at_a_cell(make_cone)
     listening = nothing_heard(table)
     listening.fainter[:] = fainter
     # The fainter something is the less its silence says.
@@ -194,12 +203,7 @@ def test_echoes_of_what_is_estimated_elsewhere_speak_for_little(
     make_cone: Callable[..., EchoCone],
 ) -> None:
     """A ping with an echo, and a cell at its range: it may be of that, if that scatters at all."""
-    kept = KeptPings(MappingParameters())
-    kept.add(make_cone(), "robot")
-    table, rows, _ = kept.pings()[:3]
-    field = field_around(table, rows, RESOLUTION_M)
-    wanted = field.cells_at(np.array([1.0]), np.array([0.0]))
-    left = np.full((len(rows), RAYS, STEPS), WHOLE, np.uint8)
+    table, rows, field, wanted, left = one_ping_at_a_cell(make_cone)
     kinds = log_priors(facing([], NO_LINES, RESOLUTION_M), 0, 0.0, 8, 0.0, 0.5)
     silence = nothing_heard(table)
     heard = silence._replace(

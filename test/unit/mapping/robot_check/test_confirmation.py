@@ -47,6 +47,15 @@ def others() -> dict[str, list[EchoCone]]:
     return {topic: own for topic, own in robots().items() if topic != ACCUSED}
 
 
+def findings() -> dict[str, Finding]:
+    """What is said of all of them."""
+    check = Consistency(MappingParameters())
+    for topic, cones in robots().items():
+        for cone in cones:
+            check.add(topic, cone)
+    return check.findings()
+
+
 def turned(cone: EchoCone, by_rad: float) -> EchoCone:
     """Say that a ping looked elsewhere."""
     x_m, y_m = cone.pose.position_m[:2]
@@ -88,12 +97,8 @@ def test_landmarks_accuse_nobody_whom_the_others_map_bears_out(
     """Where walls reverberated, a healthy robot of two faced elsewhere by a few of them."""
     accused = {ACCUSED: TURNED if way == "displaced" else MOVED}
     monkeypatch.setattr(consistency, way, lambda _: accused)
-    check = Consistency(MappingParameters())
-    for topic, cones in robots().items():
-        for cone in cones:
-            check.add(topic, cone)
 
-    assert [t for t, finding in check.findings().items() if finding.is_suspect] == []
+    assert [topic for topic, finding in findings().items() if finding.is_suspect] == []
 
 
 def test_who_may_be_moved_if_another_is_not_is_told_so_still(
@@ -102,12 +107,8 @@ def test_who_may_be_moved_if_another_is_not_is_told_so_still(
     """Nobody is left out for that, and so nothing has to be confirmed."""
     told = Finding("contradicted", {}, "contradicted: it is 0.9 m off; or another is misplaced")
     monkeypatch.setattr(consistency, "shifted", lambda _: {ACCUSED: told})
-    check = Consistency(MappingParameters())
-    for topic, cones in robots().items():
-        for cone in cones:
-            check.add(topic, cone)
 
-    assert check.findings()[ACCUSED] == told
+    assert findings()[ACCUSED] == told
 
 
 def test_what_is_wrong_is_taken_off() -> None:

@@ -3,7 +3,7 @@
 Landmarks are few, and walls that reverberate show some that are none; a map is of all echoes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from usmap_ros.mapping.pose_delay import PoseTracks, with_pose
 from usmap_ros.mapping.range_error import RangeError, with_ranges
 from usmap_ros.mapping.robot_check.agreement import LEAST_PINGS, Agreement, agreement
 from usmap_ros.mapping.robot_check.finding import Finding
-from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
 
 #: Share of what the map expects that is heard, and `Agreement.fit`, from which on a robot is there:
@@ -23,28 +22,18 @@ HEARD_MOSTLY, FITS = 0.5, 0.2
 FITS_AS_WELL = 0.5
 
 
-def is_there(
-    cones: Sequence[EchoCone],
-    others: Mapping[str, Sequence[EchoCone]],
-    parameters: MappingParameters,
-    accused: Finding,
-) -> bool:
+def is_there(cones: Sequence[EchoCone], apart: LeaveOneOutMap, accused: Finding) -> bool:
     """Whether a robot hears most of what the others' map expects, and no better if it is wrong.
 
     Parameters
     ----------
     cones : sequence of EchoCone
         Its latest pings.
-    others : mapping of str to sequence of EchoCone
-        Pings of others that nobody accuses.
-    parameters : MappingParameters
-        Of the map.
+    apart : LeaveOneOutMap
+        Of the pings of others that nobody accuses.
     accused : Finding
         What may be wrong with it, of a `Displacement`.
     """
-    if not others:
-        return False
-    apart = LeaveOneOutMap(others, parameters)
 
     def compared(pings: Sequence[EchoCone]) -> Agreement:
         return agreement(apart.expected({"": pings})[""])

@@ -19,6 +19,7 @@ import numpy as np
 
 from usmap_ros.mapping.common_error import NO_ERROR, common_error, without_error
 from usmap_ros.mapping.joint.kept_pings import REMEMBERED
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.pose_delay import PoseTracks
 from usmap_ros.mapping.robot_check.comparison import (
     EARLIER_PINGS,
@@ -165,16 +166,14 @@ class Consistency:
         self, accused: Mapping[str, Finding], among: Iterable[str], robots: Mapping[str, _Robot]
     ) -> dict[str, Finding]:
         """The same, without suspects who are where they say by the map of those not accused."""
+        if not any(finding.is_suspect for finding in accused.values()):
+            return dict(accused)
         others = {topic: list(robots[topic].cones) for topic in among if topic not in accused}
-
-        def is_wrong(topic: str, finding: Finding) -> bool:
-            cones = robots[topic].latest()
-            return not is_there(cones, others, self._parameters, finding)
-
+        apart = LeaveOneOutMap(others, self._parameters)
         return {
             topic: finding
             for topic, finding in accused.items()
-            if not finding.is_suspect or is_wrong(topic, finding)
+            if not (finding.is_suspect and is_there(robots[topic].latest(), apart, finding))
         }
 
     def _alike(self) -> dict[str, _Robot]:

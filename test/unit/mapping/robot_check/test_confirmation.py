@@ -7,17 +7,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from robots_among_poles import cones, findings
 
+from usmap_ros.mapping.joint.leave_one_out import LeaveOneOutMap
 from usmap_ros.mapping.robot_check import consistency
 from usmap_ros.mapping.robot_check.confirmation import corrected, is_there
-from usmap_ros.mapping.robot_check.consistency import Consistency
 from usmap_ros.mapping.robot_check.displacement import Displacement
 from usmap_ros.mapping.robot_check.finding import Finding
 from usmap_ros.numerics.geometry import Pose
-from usmap_ros.parameters import MappingParameters, ReconstructionParameters
+from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
-from usmap_ros.reconstruction.reconstructor import reconstruct
-from usmap_ros.simulation import Scenario, simulate
 
 ACCUSED, TURNED_RAD = "/robot2/echo", 0.35
 TURNED = Displacement("turned", (TURNED_RAD,), 100.0, 50.0).finding()
@@ -26,34 +25,18 @@ MOVED = Displacement("moved", (0.9, 0.5), 100.0, 3.0).finding()
 
 @cache
 def robots() -> dict[str, list[EchoCone]]:
-    """Give the pings of three robots among poles."""
-    content = {
-        "seed": 11,
-        "duration_s": 5.0,
-        "world": {
-            "area_m": [0.0, 5.0, 0.0, 5.0],
-            "random_poles": {"count": 14, "separation_m": 0.5},
-        },
-        "robots": [{"name": f"robot{number}"} for number in (1, 2, 3)],
-    }
+    """Give what each of three robots among poles heard."""
     found: dict[str, list[EchoCone]] = {}
-    for topic, trace in simulate(Scenario.from_mapping(content, "poles")):
-        found.setdefault(topic, []).append(reconstruct(trace, ReconstructionParameters()).cone)
+    for topic, cone in cones(11):
+        found.setdefault(topic, []).append(cone)
     return found
 
 
-def others() -> dict[str, list[EchoCone]]:
-    """Give those of all but one."""
-    return {topic: own for topic, own in robots().items() if topic != ACCUSED}
-
-
-def findings() -> dict[str, Finding]:
-    """What is said of all of them."""
-    check = Consistency(MappingParameters())
-    for topic, cones in robots().items():
-        for cone in cones:
-            check.add(topic, cone)
-    return check.findings()
+@cache
+def others() -> LeaveOneOutMap:
+    """Give the map of all but one."""
+    own = {topic: heard for topic, heard in robots().items() if topic != ACCUSED}
+    return LeaveOneOutMap(own, MappingParameters())
 
 
 def turned(cone: EchoCone, by_rad: float) -> EchoCone:
@@ -64,21 +47,21 @@ def turned(cone: EchoCone, by_rad: float) -> EchoCone:
 
 @pytest.mark.parametrize("accused", [TURNED, MOVED])
 def test_who_is_right_is_there_whatever_it_is_accused_of(accused: Finding) -> None:
-    assert is_there(robots()[ACCUSED], others(), MappingParameters(), accused)
+    assert is_there(robots()[ACCUSED], others(), accused)
 
 
 def test_who_faces_a_little_elsewhere_fits_better_without_that() -> None:
     """Of beams that are 60° wide most still hear what is expected."""
     liar = [turned(cone, TURNED_RAD) for cone in robots()[ACCUSED]]
 
-    assert is_there(liar, others(), MappingParameters(), MOVED)
-    assert not is_there(liar, others(), MappingParameters(), TURNED)
+    assert is_there(liar, others(), MOVED)
+    assert not is_there(liar, others(), TURNED)
 
 
 def test_who_faces_away_is_not_there() -> None:
     liar = [turned(cone, math.pi) for cone in robots()[ACCUSED]]
 
-    assert not is_there(liar, others(), MappingParameters(), MOVED)
+    assert not is_there(liar, others(), MOVED)
 
 
 def test_where_nobody_else_was_nothing_is_said() -> None:
@@ -86,8 +69,8 @@ def test_where_nobody_else_was_nothing_is_said() -> None:
         replace(cone, pose=Pose.planar(50.0, 50.0, cone.pose.yaw_rad)) for cone in robots()[ACCUSED]
     ]
 
-    assert not is_there(liar, others(), MappingParameters(), TURNED)
-    assert not is_there(liar, {}, MappingParameters(), TURNED)
+    assert not is_there(liar, others(), TURNED)
+    assert not is_there(liar, LeaveOneOutMap({}, MappingParameters()), TURNED)
 
 
 @pytest.mark.parametrize("way", ["displaced", "shifted"])
@@ -98,7 +81,7 @@ def test_landmarks_accuse_nobody_whom_the_others_map_bears_out(
     accused = {ACCUSED: TURNED if way == "displaced" else MOVED}
     monkeypatch.setattr(consistency, way, lambda _: accused)
 
-    assert [topic for topic, finding in findings().items() if finding.is_suspect] == []
+    assert [topic for topic, finding in findings(cones(11)).items() if finding.is_suspect] == []
 
 
 def test_who_may_be_moved_if_another_is_not_is_told_so_still(
@@ -108,7 +91,7 @@ def test_who_may_be_moved_if_another_is_not_is_told_so_still(
     told = Finding("contradicted", {}, "contradicted: it is 0.9 m off; or another is misplaced")
     monkeypatch.setattr(consistency, "shifted", lambda _: {ACCUSED: told})
 
-    assert findings()[ACCUSED] == told
+    assert findings(cones(11))[ACCUSED] == told
 
 
 def test_what_is_wrong_is_taken_off() -> None:

@@ -15,6 +15,7 @@ from usmap_ros.mapping.joint.surfaces.walls import Walls
 from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray, over_last
 from usmap_ros.numerics.special import logistic
+from usmap_ros.processes.threads import for_each
 
 #: Belief in what is occupied.
 OCCUPIED = 0.97
@@ -141,7 +142,9 @@ def refute_for_room(
     widest : float
         Room for a wall of more cells says nothing.
     """
-    for asked, (group, first) in zip(wanted, USUAL, strict=True):
+
+    def refute(part: tuple[BoolArray, tuple[int, int]]) -> None:
+        asked, (group, first) = part
         here, said = is_refuted[:, :, group], worst[:, :, group]
         usual = float(silence.kinds[first, 0])
         stands = np.where(walls.shown | closed, np.uint8(STANDS), np.uint8(0))
@@ -150,6 +153,8 @@ def refute_for_room(
             said, _opened(here), asked, stands, usual, silence.long_and_short, silence.refuted,
             widest,
         )  # fmt: skip
+
+    for_each(refute, zip(wanted, USUAL, strict=True))
 
 
 def _opened(cells: BoolArray) -> BoolArray:

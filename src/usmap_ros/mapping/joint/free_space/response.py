@@ -30,7 +30,7 @@ from usmap_ros.processes.threads import for_each
 
 #: Classes of oblique incidence, that diffuseness compares with those of square one.
 OBLIQUE = slice(4, 6)
-#: Pings of which one thread looks at surfaces at a time.
+#: Pings that one thread listens to, or of which it looks at surfaces, at a time.
 BATCH = 32
 #: A ping looks at a cell, for learning, if so much of its sound gets there.
 CLEAR_SHARE = 0.7
@@ -90,7 +90,6 @@ class HeardBins(NamedTuple):
     fainter: NDArray[np.int64]
 
 
-@compiled
 def listen(
     table: PingTable, pings: NDArray[np.int64], expected: NDArray[np.float32], reach: int
 ) -> HeardBins:
@@ -107,6 +106,26 @@ def listen(
     """
     heard = np.zeros(expected.shape, np.uint8)
     chance, limit = np.zeros(expected.shape, np.float32), np.ones(expected.shape, np.float32)
+
+    def listen_to(first: int) -> None:
+        some = slice(first, first + BATCH)
+        _listen(table, pings[some], expected[some], reach, heard[some], chance[some], limit[some])
+
+    for_each(listen_to, range(0, len(pings), BATCH))
+    return HeardBins(heard, chance, chance, limit, np.full(len(pings), FAINTER))
+
+
+@compiled
+def _listen(
+    table: PingTable,
+    pings: NDArray[np.int64],
+    expected: NDArray[np.float32],
+    reach: int,
+    heard: NDArray[np.uint8],
+    chance: NDArray[np.float32],
+    limit: NDArray[np.float32],
+) -> None:
+    """Set what was heard around each range bin of some pings."""
     for index in range(len(pings)):
         ping = pings[index]
         bins, floor = table.bins[ping], 1e9
@@ -127,7 +146,6 @@ def listen(
                 share = min(MOST_EXPLAINED, explained / EXPLAINED_SHARE)
                 chance[index, b] = max(1.0 - quiet, share)
             limit[index, b] = floor if heard[index, b] else math.exp(logs / (end - first))
-    return HeardBins(heard, chance, chance, limit, np.full(len(pings), FAINTER))
 
 
 def look_at(

@@ -8,6 +8,7 @@ better, and by how much tells a column from a pole.
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -30,6 +31,12 @@ from usmap_ros.mapping.joint.visibility.field import Field
 from usmap_ros.mapping.ping_table import HALF_ANGLE, HEADING, X, Y
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
 from usmap_ros.numerics.geometry import wrapped
+from usmap_ros.processes.threads import for_each, in_turn
+
+#: Radii that fits begin with, m, and how each descends; and by how much likelier than a point what
+#: they come to is.
+Begun = Sequence[tuple[float, LevenbergMarquardt]]
+Fits = list[tuple[float, Circle | None]]
 
 #: Radii that fits begin with, m; what few directions tell of a radius is little, and most columns'
 #: are 0.18 +- 0.08 m.
@@ -78,17 +85,22 @@ def columns_instead(
         Columns that were found without.
     """
     is_open, may_be, found = is_open.copy(), may_be.copy(), list[RoundColumn]()
-    begun = [(radius_m, DESCENT) for radius_m in RADII_M]
-    for cells_m in lone_cells_m:
-        fits = _over_point_at(cells_m, begun, ping_set, is_open, may_be)
+
+    def fitted(begun: Begun, cells_m: FloatArray) -> Fits:
+        return _over_point_at(cells_m, begun, ping_set, is_open, may_be)
+
+    def take(cells_m: FloatArray, fits: Fits) -> bool:
         over, best = max(fits, key=lambda fit: fit[0])
-        if best and over > LEAST_OVER_POINT and _is_heard_well(best):
-            found.append(RoundColumn.of(best, True, ping_set))
-            is_open[best.echoes] = may_be[best.echoes] = False
+        if not best or over <= LEAST_OVER_POINT or not _is_heard_well(best):
+            return False
+        found.append(RoundColumn.of(best, True, ping_set))
+        is_open[best.echoes] = may_be[best.echoes] = False
+        return True
+
+    in_turn(partial(fitted, [(radius_m, DESCENT) for radius_m in RADII_M]), lone_cells_m, take)
     share = (certain + len(found) + MAY_BE_COLUMNS) / (len(lone_cells_m) + certain + 1)
     fixed = [(radius_m, _of_radius(radius_m)) for radius_m in SUSPECT_RADII_M]
-    for cells_m in lone_cells_m:
-        fits = _over_point_at(cells_m, fixed, ping_set, is_open, may_be)
+    for fits in for_each(partial(fitted, fixed), lone_cells_m):
         odds, largest = _odds(share, fits)
         if largest:
             suspected = RoundColumn.of(largest, False, ping_set)
@@ -136,11 +148,11 @@ def lone_cells(is_reliable: BoolArray, log_odds: FloatArray, field: Field) -> li
 
 def _over_point_at(
     cells_m: FloatArray,
-    begun: Sequence[tuple[float, LevenbergMarquardt]],
+    begun: Begun,
     ping_set: PingSet,
     is_open: BoolArray,
     may_be: BoolArray,
-) -> list[tuple[float, Circle | None]]:
+) -> Fits:
     """By how much likelier than a point circles are that some cells are the near side of.
 
     One for each radius that a fit begins with, by its descent.
@@ -163,7 +175,7 @@ def _over_point_at(
     ]
 
 
-def _odds(share: float, fits: list[tuple[float, Circle | None]]) -> tuple[float, Circle | None]:
+def _odds(share: float, fits: Fits) -> tuple[float, Circle | None]:
     """Odds that there is a column, and the largest one that there may be.
 
     Parameters

@@ -297,15 +297,16 @@ def _hearing(
 ) -> NDArray[np.int64]:
     """Pings from where sound goes all of a way, and leaves and comes back within the beam."""
     leg_m = way[-1][1] - place_m
-    is_near = np.hypot(*leg_m.T) < 2.0 * numbers[:, GREATEST_RANGE]
-    ping = np.flatnonzero(is_near & _within_beam(leg_m, numbers))
+    ping = np.flatnonzero(np.hypot(*leg_m.T) < 2.0 * numbers[:, GREATEST_RANGE])
+    ping = ping[_within_beam(leg_m[ping], numbers[ping])]
     spot_m = place_m[ping]
     for mirror, image_m in reversed(way):
         ahead, along = _axes(mirror)
         leg_m = image_m[ping] - spot_m
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (mirror.distance_m - spot_m @ ahead) / (leg_m @ ahead)
-        spot_m = spot_m + np.nan_to_num(share, posinf=0.0, neginf=0.0)[:, np.newaxis] * leg_m
+        across_m = leg_m @ ahead
+        # What goes along a mirror never meets it.
+        share = (mirror.distance_m - spot_m @ ahead) / np.where(across_m, across_m, np.inf)
+        spot_m = spot_m + share[:, np.newaxis] * leg_m
         on_m = spot_m @ along
         exists = (share > 0.0) & (share < 1.0)
         exists &= (on_m > mirror.begin_m - BEYOND_M) & (on_m < mirror.end_m + BEYOND_M)

@@ -22,6 +22,7 @@ from usmap_ros.mapping.joint.free_space.open_rays import likely_as_anything
 from usmap_ros.mapping.joint.fusion import JointFusion
 from usmap_ros.mapping.joint.leave_one_out import kept_pings
 from usmap_ros.mapping.joint.surfaces.surface_lines import surface_lines
+from usmap_ros.mapping.joint.telling_pings import are_surprises
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.mapping.joint.visibility.ray_casting import RAYS, STEPS
 from usmap_ros.mapping.next_view import best_views, candidate_poses
@@ -84,12 +85,16 @@ def map_pings() -> None:
 
 
 def find_free_space() -> None:
-    """Ask what is free, before anything is known of what stands: what mapping does last."""
+    """Ask what is free, before anything is known of what stands: what mapping does last.
+
+    And whether pings heard what is likely by that.
+    """
     parameters, cones = MappingParameters(), [cone for _, cone in _session()[:FEW_PINGS]]
     pings = kept_pings({"": cones}, parameters).pings()
     field = field_around(pings.table, pings.rows, parameters.resolution_m)
     estimate = JointEstimate(pings.table, pings.rows, pings.weights, pings.echoes, field)
-    estimate.free_space(estimate.walls())
+    known = estimate.known(*estimate.free_space(estimate.walls()), estimate.belief(), {})
+    are_surprises(pings, known, parameters)
     # Two objects are no wall, and where nothing is known no part of a place is like no other.
     surface_lines(np.zeros((1, 9)), np.ones((1, 9), np.bool_), 2.0)
     count = len(pings.rows)

@@ -15,6 +15,7 @@ from usmap_ros.mapping.joint.forward_model.power_estimation import PowerLimits
 from usmap_ros.mapping.joint.forward_model.powers import Settled
 from usmap_ros.mapping.joint.free_space.kinds import GROUPS
 from usmap_ros.mapping.joint.free_space.silence import Answers
+from usmap_ros.mapping.joint.looks import Looks
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import KnownSurfaces
 from usmap_ros.mapping.joint.visibility.field import QUARTERS, Field
 from usmap_ros.numerics.arrays import BoolArray, FloatArray
@@ -84,6 +85,8 @@ class AreaState:
     answers: Answers
     #: How much of the trust in each source is left there.
     credit: Mapping[str, float]
+    #: From which sides it was looked at.
+    looks: Looks
 
     def overlaps(self, field: Field) -> bool:
         """Whether any cell of a field is one of these."""

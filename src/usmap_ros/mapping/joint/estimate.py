@@ -27,6 +27,7 @@ from usmap_ros.mapping.joint.forward_model.powers import Powers
 from usmap_ros.mapping.joint.forward_model.weighed_pings import WeighedPings
 from usmap_ros.mapping.joint.free_space.free_space import FreeSpace
 from usmap_ros.mapping.joint.key_pings import key_pings
+from usmap_ros.mapping.joint.looks import Looks
 from usmap_ros.mapping.joint.surfaces.lone_columns import lone_cells
 from usmap_ros.mapping.joint.surfaces.parts import any_holds
 from usmap_ros.mapping.joint.surfaces.smooth_surfaces import SmoothSurfaces
@@ -324,5 +325,8 @@ class JointEstimate:
             **said, hiding=self._hiding, **self.heard._asdict(), free=free,
             occupied=walls.occupied, filled=walls.filled, standing=self._standing, belief=belief,
         )  # fmt: skip
-        limits = self._powers.limits
-        return AreaState(self.field, cells, self._smooth.recognised, limits, self.answers, credit)
+        numbers = self.table.numbers[self.pings]
+        return AreaState(
+            self.field, cells, self._smooth.recognised, self._powers.limits, self.answers, credit,
+            Looks.of_none(numbers).of_all(numbers, self.weights),
+        )  # fmt: skip

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usmap_ros.mapping.joint.islands import joined, squares_of
 from usmap_ros.mapping.joint.sensors import Sensors, sensors_of
 from usmap_ros.mapping.joint.thinning import Thinning
 from usmap_ros.mapping.joint.visibility.echoes import Echoes
@@ -26,8 +27,6 @@ MOST_FROM_A_PLACE = 4
 
 #: Where a ping looks from, and with what: in steps.
 Place = tuple[str, str, int, int, int, int]
-#: Side of the squares by which areas are told apart.
-SQUARE_M = 2.0
 #: Pings by which each robot is judged: the latest ones.
 REMEMBERED = 200
 #: Pings that are pickled together, which takes some ms.
@@ -52,6 +51,19 @@ class Pings(NamedTuple):
     first_only: BoolArray
     #: Who heard each.
     sources: list[str]
+
+    def among(self, which: NDArray[np.int64]) -> Pings:
+        """Some of them, in the same table.
+
+        Parameters
+        ----------
+        which : (pings,) int64 array
+            Places among these, in ascending order.
+        """
+        return Pings(
+            self.table, self.rows[which], self.weights[which], self.echoes.of_pings(which),
+            self.first_only[which], [self.sources[place] for place in which.tolist()],
+        )  # fmt: skip
 
 
 class KeptPings:
@@ -207,9 +219,9 @@ class KeptPings:
         counted = np.flatnonzero(counts)
         # Robots that stay in a place reach the same squares again and again.
         squares, which = np.unique(
-            [_squares(self._cones[index][0]) for index in counted], axis=0, return_inverse=True
+            [squares_of(self._cones[index][0]) for index in counted], axis=0, return_inverse=True
         )
-        group_of = _joined(squares)[which.reshape(-1)]
+        group_of = joined(squares)[which.reshape(-1)]
         groups = [counted[group_of == group].tolist() for group in range(group_of.max() + 1)]
         return sorted(groups)
 
@@ -271,33 +283,3 @@ def _place(cone: EchoCone, source: str) -> Place:
         source, cone.child_frame_id, round(x_m / step_m), round(y_m / step_m), round(z_m / step_m),
         round(cone.pose.yaw_rad / step_rad),
     )  # fmt: skip
-
-
-def _squares(cone: EchoCone) -> tuple[int, int, int, int]:
-    """First and last row, and first and last column, of squares that a ping may reach into."""
-    x_m, y_m = (float(value) for value in cone.pose.position_m[:2])
-    reach_m = cone.transducer.max_range_m
-    first_row, last_row, first_column, last_column = (
-        math.floor(edge_m / SQUARE_M)
-        for edge_m in (y_m - reach_m, y_m + reach_m, x_m - reach_m, x_m + reach_m)
-    )
-    return first_row, last_row, first_column, last_column
-
-
-def _joined(squares: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Number of the group of each of some rectangles of squares, by which of them overlap."""
-    first_row, last_row, first_column, last_column = squares.T
-    group_of, groups = np.full(len(squares), -1), 0
-    for first in range(len(squares)):
-        if group_of[first] >= 0:
-            continue
-        group_of[first], waiting = groups, [first]
-        while waiting:
-            one = waiting.pop()
-            beside = (first_row <= last_row[one]) & (last_row >= first_row[one])
-            beside &= (first_column <= last_column[one]) & (last_column >= first_column[one])
-            new = np.flatnonzero(beside & (group_of < 0))
-            group_of[new] = groups
-            waiting += new.tolist()
-        groups += 1
-    return group_of

@@ -12,6 +12,7 @@ from usmap_ros.mapping.joint.explanation import Explanation
 from usmap_ros.mapping.joint.kept_pings import KeptPings
 from usmap_ros.mapping.joint.more_pings import MorePings
 from usmap_ros.mapping.joint.sensors import Sensors
+from usmap_ros.mapping.joint.telling_pings import telling
 from usmap_ros.mapping.joint.visibility.field import field_around
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone
@@ -139,7 +140,7 @@ class LiveMap:
                     self._first, self._pings, self._is_outdated = number, pings, not has_all
                     self._more = [ping for ping in self._more if ping[2] > number]
                     return
-            given = areas, behind, sensors, self._parameters
+            given = areas, behind, sensors, self._parameters, True
             # Many take as long as some seconds of pings, and few less than to be handed over.
             is_beside = len(behind) > BATCH * TOGETHER
             if is_beside and len(behind) > most:
@@ -225,7 +226,9 @@ class LiveMap:
                     areas = areas if is_whole else list(areas)
                     # One core gains as much as two that wait for each other after each loop.
                     with alone():
-                        areas, has_all = _with_more(areas, batch, known.sensors, self._parameters)
+                        areas, has_all = _with_more(
+                            areas, batch, known.sensors, self._parameters, in_time
+                        )
                     if not has_all:
                         if not in_time:
                             return None
@@ -247,7 +250,11 @@ class LiveMap:
 
 
 def _with_more(
-    areas: list[AreaState], more: list[Numbered], sensors: Sensors, parameters: MappingParameters
+    areas: list[AreaState],
+    more: list[Numbered],
+    sensors: Sensors,
+    parameters: MappingParameters,
+    telling_alone: bool,
 ) -> tuple[list[AreaState], bool]:
     """What is known with some more pings, and whether none of them is in no area, or in two.
 
@@ -261,6 +268,8 @@ def _with_more(
         What is known of those who heard them.
     parameters : MappingParameters
         Of the map.
+    telling_alone : bool
+        Whether pings that say again what is known wait until all are explained together.
     """
     has_all = True
     while more:
@@ -279,7 +288,9 @@ def _with_more(
             believed = [areas[here[0]].credit.get(source, 1.0) for source in pings.sources]
             if min(believed) < 1.0 and max(believed) > 0.0:
                 pings = kept.pings(group, areas[here[0]].credit, sensors)
-            if max(believed) > 0.0:
+            if telling_alone:
+                pings, areas[here[0]] = telling(pings, areas[here[0]], parameters)
+            if len(pings.rows) and max(believed) > 0.0:
                 areas[here[0]] = MorePings(pings, parameters).add_to(areas[here[0]])
     return areas, has_all
 

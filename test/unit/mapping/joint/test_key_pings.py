@@ -9,7 +9,8 @@ import pytest
 
 from usmap_ros.mapping.joint import estimate
 from usmap_ros.mapping.joint.fusion import JointFusion
-from usmap_ros.mapping.joint.key_pings import ENOUGH_LOOKS, key_pings
+from usmap_ros.mapping.joint.key_pings import key_pings
+from usmap_ros.mapping.joint.looks import ENOUGH_LOOKS
 from usmap_ros.mapping.ping_table import ping_table_of
 from usmap_ros.parameters import MappingParameters
 from usmap_ros.pings.cone import EchoCone

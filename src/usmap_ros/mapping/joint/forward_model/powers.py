@@ -109,20 +109,22 @@ class Powers:
         quarters = np.arange(len(cells)) % QUARTERS
         self._begin(Scatterers(cells, quarters.astype(np.uint8)))
 
-    def go_on(self, before: Settled, is_empty: BoolArray) -> None:
+    def go_on(self, before: Settled, is_empty: BoolArray | None = None) -> None:
         """Begin with what scattered before, and with what new echoes may have come from.
 
         Parameters
         ----------
         before : Settled
             Of the quarters of all cells.
-        is_empty : (rows, columns) bool array
-            Cells in which nothing new can be.
+        is_empty : (rows, columns) bool array, optional
+            Cells in which nothing new can be; all by default.
         """
-        cells = candidates(*count_all_hits(self._table, self._pings, self._weights, self._field))
         power = before.power.reshape(-1, QUARTERS).copy()
-        cells = cells[~is_empty.ravel()[cells] & ~over_last(np.logical_or, power[cells] > 0.0)]
-        power[cells] = self.limits.first
+        if is_empty is not None:
+            hits = count_all_hits(self._table, self._pings, self._weights, self._field)
+            cells = candidates(*hits)
+            cells = cells[~is_empty.ravel()[cells] & ~over_last(np.logical_or, power[cells] > 0.0)]
+            power[cells] = self.limits.first
         places = np.flatnonzero(power)
         cell, part = np.divmod(places, QUARTERS)
         self._begin(Scatterers(cell.astype(np.int32), part.astype(np.uint8)))

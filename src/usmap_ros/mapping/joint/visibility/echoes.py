@@ -1,11 +1,13 @@
 """Echoes of all pings, one behind the other."""
 
+from __future__ import annotations
+
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usmap_ros.numerics.arrays import FloatArray
+from usmap_ros.numerics.arrays import FloatArray, spans
 from usmap_ros.numerics.compiled import compiled
 
 
@@ -17,6 +19,13 @@ class Echoes(NamedTuple):
     #: (echoes,) float64 arrays: of each.
     range_m: FloatArray
     amplitude: FloatArray
+
+    def of_pings(self, pings: NDArray[np.int64]) -> Echoes:
+        """Those of some pings alone, one ping behind the other."""
+        count = np.diff(self.start)[pings]
+        own = spans(self.start[pings], count)
+        start = np.concatenate([[0], np.cumsum(count)])
+        return Echoes(start, self.range_m[own], self.amplitude[own])
 
 
 @compiled

@@ -23,6 +23,7 @@ from usmap_ros.mapping.joint.free_space.refutation import refute_for_room
 from usmap_ros.mapping.joint.free_space.silence import MIRRORED
 from usmap_ros.mapping.joint.free_space.usual_directions import (
     A_METRE_ASKEW,
+    A_SHORT_ONE,
     ANY_WIDTH_M,
     COLUMN_M,
     EXPECTED_M,
@@ -323,6 +324,8 @@ def test_boxes_and_what_stands_alone_make_short_things_usual() -> None:
     bare = lengths(walls, 0.0, 0.05)
     assert bare[:, 0].tolist() == pytest.approx([LONG_M / 0.05, SHORT_M / 0.05])
     among = lengths(np.concatenate([walls, boxes]), 0.0, 0.05)
-    alone = lengths(walls, 3.0, 0.05)
-    assert among[1, 1] == alone[1, 1] > 2.0 * bare[1, 1]
+    # For each side that was found there is one that was not.
+    alone = lengths(walls, A_SHORT_ONE * 3.0, 0.05)
+    assert among[1, 1] == pytest.approx(alone[1, 1])
+    assert among[1, 1] > 2.0 * bare[1, 1]
     assert bare[:, 1].sum() == pytest.approx(1.0)

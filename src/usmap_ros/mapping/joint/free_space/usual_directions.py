@@ -44,9 +44,10 @@ WIDEST_M, ANY_WIDTH_M = (0.5, 0.5, 1.5, 1.5), 1e9
 ONE_SIDE_RAD, ONE_SIDE_M = 0.18, 0.15
 #: What stands in a cell: anything, or a wall that is known to face as one that is asked for does.
 STANDS, FACES_SO = 1, 2
-#: Lines that are shorter than this are short things, and how much of those is expected beside what
-#: was found, m.
-SHORTER_M, PSEUDO_SHORT_M = 1.0, 1.0
+#: Lines that are shorter than this are short things, for how many each that was found counts, and
+#: how much of those is expected beside, m.  Robots strike less of short walls squarely: in eight
+#: rooms of a public simulator a fifteenth of those was found, and of long ones three quarters.
+SHORTER_M, A_SHORT_ONE, PSEUDO_SHORT_M = 1.0, 2.0, 1.0
 
 
 class WallDirections(NamedTuple):
@@ -148,9 +149,9 @@ def lengths(lines: FloatArray, alone_m: float, resolution_m: float) -> FloatArra
         the mean, and the share.
     """
     lengths_m = (lines[:, END] - lines[:, BEGIN]) * resolution_m
-    short_m = lengths_m[lengths_m < SHORTER_M].sum() + alone_m + PSEUDO_SHORT_M
-    total_m = lengths_m.sum() + alone_m + PSEUDO_SHORT_M
-    share = float(short_m / total_m)
+    is_short = lengths_m < SHORTER_M
+    short_m = A_SHORT_ONE * lengths_m[is_short].sum() + alone_m + PSEUDO_SHORT_M
+    share = float(short_m / (lengths_m[~is_short].sum() + short_m))
     return np.array([[LONG_M / resolution_m, 1.0 - share], [SHORT_M / resolution_m, share]])
 
 

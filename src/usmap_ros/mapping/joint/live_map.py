@@ -286,11 +286,13 @@ def _with_more(
                 has_all = False
                 continue
             believed = [areas[here[0]].credit.get(source, 1.0) for source in pings.sources]
-            if min(believed) < 1.0 and max(believed) > 0.0:
+            if max(believed) == 0.0:
+                continue
+            if min(believed) < 1.0:
                 pings = kept.pings(group, areas[here[0]].credit, sensors)
             if telling_alone:
                 pings, areas[here[0]] = telling(pings, areas[here[0]], parameters)
-            if len(pings.rows) and max(believed) > 0.0:
+            if len(pings.rows):
                 areas[here[0]] = MorePings(pings, parameters).add_to(areas[here[0]])
     return areas, has_all
 

@@ -273,6 +273,11 @@ class MappingParameters(ParameterGroup):
                 raise ValueError(f"{name}: method {self.method} has no use for it")
         return self
 
+    @property
+    def shadow_opacity(self) -> float:
+        """`opacity`, as far as anything hides what is behind it."""
+        return self.opacity if self.occlusion else 0.0
+
 
 class PipelineParameters(ParameterGroup):
     """Everything between an echo trace and a map."""

@@ -106,7 +106,7 @@ class _Areas:
         check_size(field.rows - 2, field.columns - 2, parameters)
         estimate = JointEstimate(
             pings.table, pings.rows, pings.weights, pings.echoes, field,
-            opacity=parameters.opacity if parameters.occlusion else 0.0,
+            opacity=parameters.shadow_opacity,
             forgetting=parameters.forgetting, standing=self._standing(field),
             gap_m=parameters.wall_gap_m, proofs=parameters.proof_rays,
             first_only=pings.first_only,

@@ -161,7 +161,7 @@ class _Area:
     """One joint estimate; parameters are as in `LeaveOneOutMap`."""
 
     def __init__(self, pings: Pings, names: Sequence[str], parameters: MappingParameters) -> None:
-        self._opacity = parameters.opacity if parameters.occlusion else 0.0
+        self._opacity = parameters.shadow_opacity
         self._field = field_around(pings.table, pings.rows, parameters.resolution_m)
         check_size(self._field.rows - 2, self._field.columns - 2, parameters)
         self._estimate = JointEstimate(

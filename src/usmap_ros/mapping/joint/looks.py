@@ -48,9 +48,10 @@ class Looks(NamedTuple):
         other = Looks.of_none(numbers)
         first = np.minimum(self.first, other.first)
         sizes = [np.add(each.first, each.counts.shape[:2]) for each in (self, other)]
-        counts = np.zeros((*(np.maximum(*sizes) - first), SECTORS))
-        if counts.shape == self.counts.shape:
+        size = np.maximum(*sizes) - first
+        if tuple(size) == self.counts.shape[:2]:
             return self
+        counts = np.zeros((*size, SECTORS))
         (row, column), (rows, columns) = self.first - first, self.counts.shape[:2]
         counts[row : row + rows, column : column + columns] = self.counts
         row, column = first.tolist()

@@ -50,7 +50,6 @@ class MorePings:
         self.field = field_around(pings.table, pings.rows, parameters.resolution_m)
         numbers = pings.table.numbers[pings.rows]
         self._stood = self.field.cells_within(numbers[:, X], numbers[:, Y], STOOD_M)
-        self._opacity = parameters.opacity if parameters.occlusion else 0.0
 
     def add_to(self, known: AreaState) -> AreaState:
         """What is known with these pings."""
@@ -59,7 +58,6 @@ class MorePings:
         before = known.part(self.field)
         smooth = SmoothSurfaces(pings.table, pings.rows, pings.echoes, self.field)
         smooth.recognise(known.smooth)
-        smooth.take_out()
         powers = Powers(pings.table, pings.rows, pings.weights, self.field, known.limits)
         cells = self._explained(powers, before)
         walls = find_walls(
@@ -85,7 +83,7 @@ class MorePings:
         powers.go_on(before.settled, self._stood)
         # Those before have settled most powers, and what hides them: one round is enough.
         powers.sweep(SWEEPS)
-        powers.renew_shadows(optical_depth(hides, self._opacity))
+        powers.renew_shadows(optical_depth(hides, self._parameters.shadow_opacity))
         powers.sweep(SWEEPS)
         evidence = powers.weigh(self._parameters.forgetting, before=before.evidence)
         belief = hiding(evidence, shape, before.filled | before.standing)

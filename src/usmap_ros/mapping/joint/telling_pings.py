@@ -60,11 +60,9 @@ def are_surprises(pings: Pings, known: AreaState, parameters: MappingParameters)
     before = known.reaching(field).part(field)
     smooth = SmoothSurfaces(pings.table, pings.rows, pings.echoes, field)
     smooth.recognise(known.smooth)
-    smooth.take_out()
     powers = Powers(pings.table, pings.rows, pings.weights, field, known.limits)
     powers.go_on(before.settled)
-    opacity = parameters.opacity if parameters.occlusion else 0.0
-    powers.renew_shadows(optical_depth(before.hiding, opacity))
+    powers.renew_shadows(optical_depth(before.hiding, parameters.shadow_opacity))
     expected = powers.expected_of(np.ones(field.rows * field.columns, bool))
     return _surprise(pings.table, pings.rows, expected)
 

@@ -112,7 +112,7 @@ class FreeSpace:
         ended_m, trusted = smooth.ended_m(), trust(float(self._weights.sum()), walls)
         listening = self._listening(walls, smooth, powers, trusted)
         open_left = self._cast(np.where(hides, OCCUPIED, 0.0))
-        # Some hundred megabytes, where many pings have none that ends.
+        # Tens of megabytes, which stay as they are where none ends.
         ends = np.isfinite(ended_m).any()
         left = self._ended(open_left.copy(), ended_m) if ends else open_left
         self.answers = answers = learn_answers(

@@ -186,7 +186,10 @@ class SmoothSurfaces:
         return KnownSurfaces(self.mirrors, self.columns, self._suspected, self.panes, self.mirrored)
 
     def recognise(self, known: KnownSurfaces) -> None:
-        """Take over the smooth things that other pings found, with these pings' echoes of them."""
+        """Take over the smooth things that other pings found, and these pings' echoes of them out.
+
+        See `take_out`.
+        """
         self._suspected, self._known_mirrors = known.suspected, known.mirrors
         self.mirrored, self.panes = known.mirrored, known.panes
         for wall in known.mirrors:
@@ -197,6 +200,7 @@ class SmoothSurfaces:
         for column in known.columns:
             own = np.flatnonzero(self.places.are_of_column(column))
             self.columns.append(replace(column, pings=self.places.ping[own], echoes=own))
+        self.take_out()
 
     def take_out(self) -> None:
         """Let the echoes of smooth things say nothing of cells."""
